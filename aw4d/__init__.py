@@ -1,0 +1,1 @@
+"""AutoWeather4D: change the weather and the time of day of recorded driving video."""

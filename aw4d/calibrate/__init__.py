@@ -1,0 +1,1 @@
+"""Metric scale, ground plane and sky depth of a clip."""

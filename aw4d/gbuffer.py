@@ -1,0 +1,154 @@
+"""One frame's planes and the rules that every plane must meet before it enters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d.camera import Camera
+from aw4d.errors import InputError
+
+Plane = NDArray[Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaneSpec:
+    """What a plane is: trailing channels, dtype, admitted range (closed), unit, and one line of meaning."""
+
+    channels: int
+    dtype: type
+    low: float
+    high: float
+    unit: str
+    meaning: str
+
+    def shape(self, height: int, width: int) -> tuple[int, ...]:
+        """Shape of the plane on a frame of the given size [px]."""
+        return (height, width) if self.channels == 1 else (height, width, self.channels)
+
+
+def _spec(channels: int, dtype: type, low: float, high: float, unit: str, meaning: str) -> PlaneSpec:
+    return PlaneSpec(channels=channels, dtype=dtype, low=low, high=high, unit=unit, meaning=meaning)
+
+
+DEPTH_MAX = 1e5  # [m] no surface is farther; the sky's range is a parameter of the passes, not a depth
+INSTANCE_MAX = 2**15 - 1
+
+PLANES: dict[str, PlaneSpec] = {
+    "rgb": _spec(3, np.float32, 0.0, 1e5, "scene-linear Rec.709", "the recorded image, 1 = display white"),
+    "depth": _spec(1, np.float32, 1e-3, DEPTH_MAX, "m", "z of the surface; sky: 99th percentile of the clip"),
+    "normal": _spec(3, np.float32, -1.001, 1.001, "unit", "surface normal, camera frame, facing the camera"),
+    "albedo": _spec(3, np.float32, 0.0, 1.0, "linear", "diffuse reflectance"),
+    "roughness": _spec(1, np.float32, 0.0, 1.0, "1", "perceptual roughness; alpha is its square"),
+    "metallic": _spec(1, np.float32, 0.0, 1.0, "1", "0 dielectric, 1 metal"),
+    "emissive": _spec(3, np.float32, 0.0, 1e5, "scene-linear Rec.709", "radiance the surface sends by itself"),
+    "sky": _spec(1, np.bool_, 0, 1, "mask", "nothing but sky along the ray"),
+    "road": _spec(1, np.bool_, 0, 1, "mask", "drivable ground"),
+    "vehicle": _spec(1, np.int32, 0, INSTANCE_MAX, "id", "vehicle instance, 0 = none"),
+    "street_light": _spec(1, np.int32, 0, INSTANCE_MAX, "id", "street lamp instance, 0 = none"),
+}
+
+
+def _range_text(values: Plane) -> str:
+    finite = values[np.isfinite(values)]
+    return f"[{finite.min():g}, {finite.max():g}]" if finite.size else "no finite value"
+
+
+def check_plane(name: str, values: Plane, height: int, width: int) -> Plane:
+    """Check one plane against its rule and return it, contiguous.
+
+    Parameters
+    ----------
+    name
+        A key of `PLANES`.
+    values
+        (height, width) or (height, width, 3) of the rule's dtype.
+    height, width
+        Size of the frame [px].
+
+    Raises
+    ------
+    InputError
+        The shape, the dtype, a NaN, an Inf, the range or the length of a normal is wrong; the message names the
+        plane, what was expected and what came.
+    """
+    spec = PLANES.get(name)
+    if spec is None:
+        raise InputError(f"{name}: expected a plane out of {', '.join(PLANES)}")
+    expected = f"{name}: expected {spec.shape(height, width)} {np.dtype(spec.dtype).name} in {spec.unit}"
+    if values.shape != spec.shape(height, width):
+        raise InputError(f"{expected}, got shape {values.shape}")
+    if values.dtype != spec.dtype:
+        raise InputError(f"{expected}, got {values.dtype.name}")
+    if spec.dtype is np.float32:
+        bad = int(values.size - np.count_nonzero(np.isfinite(values)))
+        if bad:
+            raise InputError(f"{expected}, got {bad} values that are NaN or infinite")
+    if values.size and spec.dtype is not np.bool_ and (values.min() < spec.low or values.max() > spec.high):
+        raise InputError(f"{expected} within [{spec.low:g}, {spec.high:g}], got {_range_text(values)}")
+    if name == "normal":
+        length2 = np.einsum("...c,...c->...", values, values)
+        if values.size and np.abs(length2 - 1).max() > 4e-3:
+            raise InputError(f"{expected} of length 1, got lengths {_range_text(np.sqrt(length2))}")
+    return np.ascontiguousarray(values)
+
+
+def check_depth_unit(depth: Plane, sky: Plane | None = None) -> None:
+    """Refuse a depth plane that cannot be metres on a road.
+
+    Raises
+    ------
+    InputError
+        All of the depth that is not sky is under 1 m (normalised? kilometres?) or over 10,000 m (millimetres?).
+    """
+    seen = depth if sky is None else depth[~sky]
+    if seen.size and (seen.max() < 1 or seen.min() > 10_000):
+        raise InputError(
+            f"depth: expected metres, got {_range_text(seen)} on every pixel; say the source's unit with --depth-scale"
+        )
+
+
+class GBuffer(Mapping[str, Plane]):
+    """One frame: its planes by name, its camera and its time.
+
+    A mapping from plane name to array, so that a frame can hold the planes a job needs and no others.
+
+    Parameters
+    ----------
+    planes
+        Arrays by the names in `PLANES`; each is validated (`check_plane`).
+    camera
+        The frame's camera.
+    time
+        Seconds since the clip's first frame.
+
+    Raises
+    ------
+    InputError
+        A plane breaks its rule.
+    """
+
+    def __init__(self, planes: Mapping[str, Plane], *, camera: Camera, time: float) -> None:
+        self.camera = camera
+        self.time = float(time)
+        self._planes = {name: check_plane(name, values, *camera.shape) for name, values in planes.items()}
+
+    def __getitem__(self, name: str) -> Plane:
+        try:
+            return self._planes[name]
+        except KeyError:
+            held = ", ".join(self._planes) or "none"
+            raise InputError(f"{name}: this frame has no such plane (it has: {held})") from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._planes
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._planes)
+
+    def __len__(self) -> int:
+        return len(self._planes)

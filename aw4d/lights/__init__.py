@@ -1,0 +1,1 @@
+"""Light sources: the ego vehicle's headlights and lights given by the user."""

@@ -1,0 +1,1 @@
+"""OpenCL kernels: one .cl a pass, shared pieces in include/."""
