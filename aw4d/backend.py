@@ -1,0 +1,60 @@
+"""What a backend is: takes a frame once, runs passes on it in place, gives planes back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d.gbuffer import GBuffer
+from aw4d.lights.light import LightArrays
+from aw4d.params import Params
+
+
+class Planes(Protocol):
+    """One frame's planes where the backend works on them; valid until the backend's next upload."""
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(height, width) [px]."""
+
+
+class Backend(Protocol):
+    """Runs passes. Raises InputError at construction where it cannot work; never falls back to another one."""
+
+    @property
+    def name(self) -> str:
+        """What runs, for people: backend, device, version."""
+
+    def upload(self, frame: GBuffer, lights: LightArrays, layers: Sequence[str] = ()) -> Planes:
+        """Take a frame, its lights and the names of the layers that will be asked for."""
+
+    def run(self, name: str, planes: Planes, p: Params) -> None:
+        """Run one pass in place."""
+
+    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
+        """Planes and layers by name, (H, W) or (H, W, 3) float32."""
+
+
+def frame_arguments(frame: GBuffer, lights: LightArrays) -> dict[str, Any]:
+    """Camera and lights by the names that passes take, rounded to float32 once for every backend alike."""
+    K = frame.camera.K.astype(np.float32)
+    camera = {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2]}
+    return camera | {field.name: getattr(lights, field.name) for field in fields(lights)}
+
+
+def check_names(name: str, wanted: set[str], at_hand: set[str], own: set[str]) -> None:
+    """Arguments bind by name: each wanted one must be at hand, each of the parameters' own must be wanted.
+
+    Raises
+    ------
+    TypeError
+        Either does not hold.
+    """
+    if missing := sorted(wanted - at_hand):
+        raise TypeError(f"{name}: takes {', '.join(missing)}, which neither frame nor parameters have")
+    if ignored := sorted(own - wanted):
+        raise TypeError(f"{name}: does not take the parameters {', '.join(ignored)}")

@@ -1,0 +1,69 @@
+"""The reference backend: runs `reference_numpy` in float64."""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d.backend import Planes, check_names, frame_arguments
+from aw4d.gbuffer import GBuffer
+from aw4d.lights.light import LightArrays
+from aw4d.params import Params
+
+
+def _widen(value: Any) -> Any:
+    """float32 to float64, exactly; masks and ids as they are."""
+    array = np.asarray(value)
+    return array.astype(np.float64) if array.dtype.kind == "f" else array
+
+
+@dataclass(kw_only=True)
+class NumpyPlanes:
+    """Planes in host memory, float64."""
+
+    shape: tuple[int, int]
+    arrays: dict[str, NDArray[Any]]
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+
+class NumpyBackend:
+    """Runs each pass's reference function, bound by argument name."""
+
+    name = f"numpy {np.__version__}, float64"
+
+    def upload(self, frame: GBuffer, lights: LightArrays, layers: Sequence[str] = ()) -> NumpyPlanes:
+        """Take a frame; every layer is kept in any case."""
+        arguments = {name: _widen(value) for name, value in frame_arguments(frame, lights).items()}
+        arrays = {name: _widen(frame[name]) for name in frame}
+        return NumpyPlanes(shape=frame.camera.shape, arrays=arrays, arguments=arguments)
+
+    def run(self, name: str, planes: Planes, p: Params) -> None:
+        """Call `reference_numpy.<name>.<name>` and keep what it returns.
+
+        Raises
+        ------
+        TypeError
+            The function takes an argument that neither frame nor parameters have, or ignores a parameter.
+        """
+        assert isinstance(planes, NumpyPlanes)
+        function = getattr(importlib.import_module(f"reference_numpy.{name}"), name)
+        wanted = inspect.signature(function).parameters
+        own = p.arguments()
+        at_hand = planes.arrays | planes.arguments | own
+        check_names(name, set(wanted), set(at_hand), set(own))
+        planes.arrays.update(function(**{key: at_hand[key] for key in wanted}))
+
+    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
+        """Planes by name, rounded to float32."""
+        assert isinstance(planes, NumpyPlanes)
+        return {name: planes.arrays[name].astype(np.float32) for name in names}
+
+    def download64(self, planes: NumpyPlanes, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+        """Planes by name as they were computed, to measure other backends against."""
+        return {name: planes.arrays[name] for name in names}

@@ -1,0 +1,216 @@
+"""The OpenCL backend: planar planes padded to the vector width, kernels built once, arguments bound by name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d import opencl
+from aw4d.backend import Planes, check_names, frame_arguments
+from aw4d.errors import InputError
+from aw4d.gbuffer import PLANES, GBuffer
+from aw4d.lights.light import LightArrays
+from aw4d.params import CONVENTIONS, Params
+from aw4d.passes import PASSES
+from reference_numpy.sampling import gauss_legendre
+
+_INCLUDE = re.compile(r'^#include "(?:include/)?(\w+\.h)"\n', re.MULTILINE)
+
+
+@cache
+def source(name: str) -> str:
+    """Text of `cl/<name>.cl` with its headers inlined, each once: a path with a space breaks -I on PoCL."""
+    folder = resources.files("cl")
+    seen: set[str] = set()
+
+    def inline(match: re.Match[str]) -> str:
+        header = match.group(1)
+        if header in seen:
+            return ""
+        seen.add(header)
+        return _INCLUDE.sub(inline, folder.joinpath("include", header).read_text(encoding="utf-8"))
+
+    return _INCLUDE.sub(inline, folder.joinpath(f"{name}.cl").read_text(encoding="utf-8"))
+
+
+def scalar_arguments(p: Params) -> dict[str, Any]:
+    """Parameters as a kernel takes them: names of conventions as numbers, node counts as tables."""
+    out: dict[str, Any] = {}
+    for name, value in p.arguments().items():
+        if name == "convention":
+            out[name] = CONVENTIONS.index(value)
+        elif name == "nodes":
+            x, w = gauss_legendre(value)
+            out |= {"node_x": x[value // 2 :], "node_w": w[value // 2 :], "node_pairs": value // 2}
+        else:
+            out[name] = value
+    return out
+
+
+@dataclass(kw_only=True)
+class OpenCLPlanes:
+    """Planes on the device: rows padded to `pitch`, channels `plane` values apart."""
+
+    shape: tuple[int, int]
+    pitch: int
+    buffers: dict[str, Any]
+    layers: frozenset[str]
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def plane(self) -> int:
+        """Values from one channel to the next."""
+        return self.pitch * self.shape[0]
+
+
+class OpenCLBackend:
+    """Runs `cl/<name>.cl` on one device.
+
+    Parameters
+    ----------
+    device
+        Index as `aw4d doctor` numbers them; the first usable one by default.
+    width
+        Vector width 1, 4, 8 or 16; the device's own by default.
+
+    Raises
+    ------
+    InputError
+        The device does not exist or does not work.
+    """
+
+    def __init__(self, device: int | None = None, width: int | None = None) -> None:
+        if width is not None and width not in opencl.WIDTHS:
+            raise InputError(f"width: expected one of {opencl.WIDTHS}, got {width}")
+        self._cl = opencl.load()
+        self.report = opencl.choose(device)
+        self.width = width if width is not None else self.report.width
+        self._context = self._cl.Context([self.report.device])
+        self._queue = self._cl.CommandQueue(self._context)
+        self._kernels: dict[tuple[str, bool], _Kernel] = {}
+        self._pool: dict[str, Any] = {}
+
+    @property
+    def name(self) -> str:
+        """Device, vendor, version, width."""
+        return f"opencl {self.report.label}, float32 x {self.width}"
+
+    def _buffer(self, name: str, nbytes: int) -> Any:
+        """A buffer of that name and size, kept from frame to frame."""
+        held = self._pool.get(name)
+        if held is None or held.size != nbytes:
+            try:
+                held = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, nbytes)
+            except self._cl.Error as error:
+                raise InputError(f"{self.report.label}: no {nbytes / 1e6:.0f} MB for {name} ({error})") from error
+            self._pool[name] = held
+        return held
+
+    def _to_device(self, name: str, values: NDArray[Any]) -> Any:
+        data = np.ascontiguousarray(values)
+        buffer = self._buffer(name, max(data.nbytes, 4))  # no runtime takes an empty buffer
+        if data.nbytes:
+            self._cl.enqueue_copy(self._queue, buffer, data)
+        return buffer
+
+    def upload(self, frame: GBuffer, lights: LightArrays, layers: Sequence[str] = ()) -> OpenCLPlanes:
+        """Copy a frame to the device, channel after channel, rows padded with their last pixel's value."""
+        height, width = frame.camera.shape
+        pitch = -(-width // self.width) * self.width
+        buffers = {}
+        for name in frame:
+            values = frame[name]
+            planar = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
+            padded = np.pad(planar, ((0, 0), (0, 0), (0, pitch - width)), mode="edge")
+            buffers[name] = self._to_device(name, padded.view(np.uint8) if padded.dtype == np.bool_ else padded)
+        arguments: dict[str, Any] = {"light_count": len(lights)}
+        for name, value in frame_arguments(frame, lights).items():
+            arguments[name] = self._to_device(name, value) if np.ndim(value) else value
+        planes = OpenCLPlanes(
+            shape=(height, width), pitch=pitch, buffers=buffers, layers=frozenset(layers), arguments=arguments
+        )
+        planes.arguments |= {"pitch": pitch, "plane": planes.plane}
+        return planes
+
+    def _kernel(self, name: str, layers: bool) -> _Kernel:
+        key = (name, layers)
+        if key not in self._kernels:
+            options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}"] + ["-DLAYERS"] * layers
+            program = self._cl.Program(self._context, source(name)).build(options)
+            self._kernels[key] = _Kernel(self._cl, self._cl.Kernel(program, name))
+        return self._kernels[key]
+
+    def run(self, name: str, planes: Planes, p: Params) -> None:
+        """Enqueue `cl/<name>.cl:<name>`; every argument is found by its name.
+
+        Raises
+        ------
+        TypeError
+            The kernel takes an argument that neither frame nor parameters have, or ignores a parameter.
+        """
+        assert isinstance(planes, OpenCLPlanes)
+        wanted_layers = PASSES[name].layers if planes.layers & PASSES[name].layers.keys() else {}
+        kernel = self._kernel(name, bool(wanted_layers))
+        for layer, channels in wanted_layers.items():
+            planes.buffers[layer] = self._buffer(layer, 4 * channels * planes.plane)
+        own = scalar_arguments(p)
+        tables = {
+            key: self._to_device(key, np.asarray(value, dtype=np.float32))
+            for key, value in own.items()
+            if isinstance(value, np.ndarray)
+        }
+        at_hand = planes.buffers | planes.arguments | own | tables
+        check_names(name, set(kernel.types), set(at_hand), set(own))
+        kernel.enqueue(self._queue, (planes.pitch // self.width, planes.shape[0]), at_hand)
+
+    def finish(self) -> None:
+        """Wait until the device has done all that was asked of it."""
+        self._queue.finish()
+
+    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
+        """Planes and layers by name, without their padding, (H, W) or (H, W, 3)."""
+        assert isinstance(planes, OpenCLPlanes)
+        layers = {layer: n for entry in PASSES.values() for layer, n in entry.layers.items()}
+        out = {}
+        for name in names:
+            channels = layers[name] if name in layers else PLANES[name].channels
+            padded = np.empty((channels, planes.shape[0], planes.pitch), dtype=np.float32)
+            self._cl.enqueue_copy(self._queue, padded, planes.buffers[name])
+            image = padded[:, :, : planes.shape[1]]
+            out[name] = np.ascontiguousarray(image[0] if channels == 1 else np.moveaxis(image, 0, -1))
+        return out
+
+
+class _Kernel:
+    """A built kernel and the types of its arguments by name."""
+
+    def __init__(self, cl: Any, kernel: Any) -> None:
+        self._cl = cl
+        self._kernel = kernel
+        info = cl.kernel_arg_info
+        self.types: dict[str, str] = {
+            kernel.get_arg_info(i, info.NAME): kernel.get_arg_info(i, info.TYPE_NAME).replace(" ", "")
+            for i in range(kernel.num_args)
+        }
+
+    def enqueue(self, queue: Any, size: tuple[int, int], at_hand: dict[str, Any]) -> None:
+        """Set every argument and enqueue over (columns of vectors, rows)."""
+        for i, (name, kind) in enumerate(self.types.items()):
+            self._kernel.set_arg(i, self._convert(name, kind, at_hand[name]))
+        self._cl.enqueue_nd_range_kernel(queue, self._kernel, size, None)
+
+    def _convert(self, name: str, kind: str, value: Any) -> Any:
+        if kind.endswith("*"):
+            return value
+        if kind == "float3":
+            return np.array([*value, 0], dtype=np.float32)
+        if kind in ("float", "int"):
+            return np.dtype(kind.replace("float", "float32").replace("int", "int32")).type(value)
+        raise TypeError(f"{name}: arguments of type {kind} are not bound")

@@ -1,0 +1,234 @@
+"""The command line: results on stdout, progress and log on stderr, exit 0, 1 (job failed) or 2 (bad usage or input)."""
+
+from __future__ import annotations
+
+import json
+import logging
+import sys
+from collections.abc import Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.logging import RichHandler
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
+
+from aw4d.errors import InputError
+
+if TYPE_CHECKING:
+    from aw4d.io.source import Source
+    from aw4d.render import Frame
+
+# Every command imports what it runs when it runs, so that none pays for another's libraries.
+app = typer.Typer(
+    help="Change the weather of recorded driving video.", no_args_is_help=True, pretty_exceptions_enable=False
+)
+ingest_app = typer.Typer(help="Turn a recording into a clip (a Zarr folder, a chunk a frame).", no_args_is_help=True)
+app.add_typer(ingest_app, name="ingest")
+
+out_console = Console()
+err_console = Console(stderr=True)
+
+ClipPath = Annotated[Path, typer.Argument(help="A clip made by `aw4d ingest`.")]
+OutClip = Annotated[Path, typer.Option("-o", "--out", help="The clip to write.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the clip if it exists.")]
+Weather = Annotated[str, typer.Option("--weather", "-w", help="fog.")]
+Set = Annotated[list[str] | None, typer.Option("--set", help="A parameter: fog.visibility_m=60. Repeatable.")]
+Frames = Annotated[str | None, typer.Option("--frames", help="A:B, as in Python; all by default.")]
+Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
+Backend = Annotated[str, typer.Option("--backend", help="auto, opencl or numpy.")]
+Device = Annotated[int | None, typer.Option("--device", help="Index of an OpenCL device, see `aw4d doctor`.")]
+
+
+@app.callback()
+def _common(quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress and no log.")] = False) -> None:
+    err_console.quiet = quiet
+    handler = RichHandler(console=err_console, show_time=False, show_path=False)
+    logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    logging.getLogger("aw4d").setLevel(logging.ERROR if quiet else logging.INFO)
+
+
+def _bar() -> Progress:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    return Progress(*columns, console=err_console)
+
+
+def _counted(frames: Iterable[Frame], description: str, total: int) -> Iterator[Frame]:
+    """Pass frames on and draw a bar."""
+    with _bar() as bar:
+        yield from bar.track(frames, total=total, description=description)
+
+
+def _show(bar: Progress, task: TaskID, done: int, total: int) -> None:
+    bar.update(task, completed=done, total=total)
+
+
+@app.command()
+def doctor() -> None:
+    """Build and run a kernel on every OpenCL device; say which one is used and why the others are not."""
+    from aw4d.doctor import report
+
+    if not report(out_console):
+        raise typer.Exit(1)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option("-o", "--out", help="Folder for videos and contact sheet.")] = Path("out/demo"),
+    frames: Annotated[int, typer.Option(min=1, help="Length of the built-in clip.")] = 57,
+    width: Annotated[int, typer.Option(min=16, help="[px]")] = 1280,
+    height: Annotated[int, typer.Option(min=16, help="[px]")] = 704,
+    backend: Backend = "auto",
+    device: Device = None,
+) -> None:
+    """Render the built-in street in every weather: one video each and a contact sheet."""
+    from aw4d.clip import Clip
+    from aw4d.demo import run
+    from aw4d.render import open_backend
+
+    chosen = open_backend(backend, device)
+    path = out / f"street_{width}x{height}_{frames}.aw4d"
+    if not path.exists():
+        _ingest_street(path, frames, width, height)
+    for file in run(Clip(path), out, chosen, lambda items, name: _counted(items, name, frames)):
+        print(file)
+
+
+def _ingest_street(path: Path, frames: int, width: int, height: int) -> None:
+    from aw4d.ingest import ingest_street
+
+    with _bar() as bar:
+        task = bar.add_task("drawing the street", total=frames)
+        show = partial(_show, bar, task)
+        ingest_street(path, frames=frames, width=width, height=height, progress=show)
+
+
+def _ingest(source: Source, out: Path, overwrite: bool) -> None:
+    from aw4d.ingest import ingest
+
+    with _bar() as bar:
+        task = bar.add_task("ingesting", total=len(source.info))
+        clip = ingest(source, out, overwrite=overwrite, progress=partial(_show, bar, task))
+    for sentence in clip.info.approximations:
+        err_console.print(f"- {sentence}")
+    print(out)
+
+
+@ingest_app.command()
+def kitti(
+    src: Annotated[Path, typer.Argument(help="A raw drive: …_drive_0013_sync, calibration in its parent folder.")],
+    out: OutClip,
+    labels: Annotated[Path | None, typer.Option(help="Tracking labels (default: label_02*.txt in the drive).")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """A KITTI raw drive: image_02, velodyne_points, calibration; oxts and tracking labels where there are any."""
+    from aw4d.io.kitti import open_kitti
+
+    _ingest(open_kitti(src, labels=labels), out, overwrite)
+
+
+@ingest_app.command()
+def nuscenes(
+    src: Annotated[Path, typer.Argument(help="Folder with info .pkl, camera pictures and LiDAR scans.")],
+    out: OutClip,
+    overwrite: Overwrite = False,
+) -> None:
+    """NuScenes keyframes of the front camera."""
+    from aw4d.io.nuscenes import open_nuscenes
+
+    _ingest(open_nuscenes(src), out, overwrite)
+
+
+@app.command()
+def info(clip: ClipPath, as_json: Json = False) -> None:
+    """Say what a clip holds, its ranges and calibration, and what is missing."""
+    from aw4d.clip import Clip
+    from aw4d.info import describe, show
+
+    opened = Clip(clip)
+    if as_json:
+        print(json.dumps(describe(opened), indent=2))
+    else:
+        show(opened, out_console)
+
+
+@app.command()
+def edit(
+    clip: ClipPath,
+    weather: Weather,
+    out: Annotated[Path, typer.Option("-o", "--out", help="A video (.mp4) or a folder of images.")],
+    set_: Set = None,
+    frames: Frames = None,
+    backend: Backend = "auto",
+    device: Device = None,
+    kind: Annotated[str, typer.Option("--format", help="Images of a folder: png or exr (scene-linear).")] = "png",
+    layers: Annotated[Path | None, typer.Option(help="Folder for the weather's layers, EXR.")] = None,
+) -> None:
+    """Change the weather of a clip. A .json beside the output records everything that made it."""
+    from aw4d.clip import Clip, indices
+    from aw4d.output import write_edit
+    from aw4d.pipeline import plan
+    from aw4d.render import open_backend
+    from aw4d.weathers import settings
+
+    opened = Clip(clip)
+    made = plan(opened, weather, settings(set_ or ()))
+    chosen = indices(frames, len(opened))
+    for name, reason in made.skipped.items():
+        logging.getLogger("aw4d").info("%s is not run: %s", name, reason)
+    write_edit(
+        opened,
+        made,
+        open_backend(backend, device),
+        chosen,
+        out,
+        kind=kind,
+        layer_folder=layers,
+        watch=lambda items: _counted(items, weather, len(chosen)),
+    )
+    print(out)
+
+
+@app.command()
+def compare(clip: ClipPath, weather: Weather, set_: Set = None, frames: Frames = "0:1", as_json: Json = False) -> None:
+    """Run the same frames on every device and print how far each pass lies from the NumPy reference."""
+    from rich.table import Table
+
+    from aw4d.clip import Clip, indices
+    from aw4d.compare import BAR_MAX, BAR_P9999, to_json
+    from aw4d.compare import compare as measure
+    from aw4d.pipeline import plan
+    from aw4d.weathers import settings
+
+    opened = Clip(clip)
+    chosen = indices(frames, len(opened))
+    rows = measure(opened, plan(opened, weather, settings(set_ or ())), chosen)
+    if as_json:
+        print(json.dumps(to_json(rows, chosen), indent=2))
+        return
+    table = Table(title=f"error against float64; bar: 99.99th percentile {BAR_P9999:g}, maximum {BAR_MAX:g}")
+    for column in ("pass", "plane", "device", "maximum", "99.99th percentile", "within"):
+        table.add_column(column, overflow="fold")
+    for r in rows:
+        verdict = "yes" if r.within else "[red]no[/]"
+        table.add_row(r.step, r.plane, r.device, f"{r.max_error:.1e}", f"{r.p9999_error:.1e}", verdict)
+    out_console.print(table)
+
+
+def main() -> None:
+    """Run the command line; input errors end in one line on stderr and exit status 2."""
+    try:
+        app()
+    except InputError as error:
+        message = " ".join(str(error).split())
+        print(f"aw4d: {message}", file=sys.stderr)
+        sys.exit(2)
+    except KeyboardInterrupt:
+        print("aw4d: interrupted; nothing half-written is left behind", file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

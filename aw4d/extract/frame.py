@@ -1,0 +1,131 @@
+"""The planes of one frame from what a recording gives: picture, laser returns, boxes; no learned weights."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d.boxes import Box
+from aw4d.camera import Camera
+from aw4d.colour import decode_srgb8
+from aw4d.errors import InputError
+from aw4d.extract.completion import complete_depth
+from aw4d.extract.materials import materials
+from aw4d.extract.monocular import monocular_depth
+from aw4d.extract.normals import normals_from_depth
+from aw4d.extract.road import lane_ground, road_mask
+from aw4d.extract.sky import sky_mask
+from aw4d.extract.vehicles import vehicle_ids
+from aw4d.gbuffer import Plane
+
+# How a plane comes about where the recording does not give it.
+PROVENANCE: dict[str, str] = {
+    "depth": "laser returns, completed along the picture's edges",
+    "normal": "derivatives of depth",
+    "albedo": "picture, shading divided out",
+    "roughness": "by kind of surface",
+    "metallic": "by kind of surface",
+    "sky": "colour, smoothness and laser returns",
+    "road": "height above the ground plane, colour and laser reflectance",
+    "vehicle": "surface inside the boxes, or standing on the road where there are none",
+    "street_light": "none found: no lamp is told from a pole without learned weights",
+}
+
+
+def _depth(
+    rgb: NDArray[np.uint8],
+    *,
+    camera: Camera,
+    points: NDArray[np.float32] | None,
+    sky: NDArray[np.bool_],
+    camera_height_m: float | None,
+) -> NDArray[np.float32]:
+    if points is not None:
+        return complete_depth(points, rgb=rgb, camera=camera, sky=sky)
+    if camera_height_m is not None:
+        return monocular_depth(rgb, camera=camera, camera_height_m=camera_height_m, sky=sky)
+    raise InputError("depth: expected a depth plane, laser returns or the height of the camera, got none of them")
+
+
+def _road_and_vehicles(
+    rgb: NDArray[np.uint8],
+    planes: Mapping[str, Plane],
+    *,
+    camera: Camera,
+    points: NDArray[np.float32] | None,
+    reflectance: NDArray[np.float32] | None,
+    boxes: Sequence[Box],
+) -> dict[str, Plane]:
+    """The planes with those of road and vehicle that are not given; what is found as road is clear of vehicles."""
+    depth, sky = planes["depth"], planes["sky"]
+    found = dict(planes)
+    if "vehicle" not in planes:
+        surface = points if points is not None else camera.unproject(depth)[~sky].astype(np.float32)
+        found["vehicle"] = vehicle_ids(
+            depth=depth, camera=camera, boxes=boxes, points=points, ground=lane_ground(surface), sky=sky, rgb=rgb
+        )
+    if "road" not in planes:
+        road = road_mask(
+            rgb,
+            camera=camera,
+            depth=depth,
+            normal=planes["normal"],
+            points=points,
+            sky=sky,
+            reflectance=reflectance,
+        )
+        found["road"] = road & (found["vehicle"] == 0)
+    return found
+
+
+def extract_frame(
+    rgb: NDArray[np.uint8],
+    *,
+    camera: Camera,
+    points: NDArray[np.float32] | None,
+    boxes: Sequence[Box],
+    given: Mapping[str, Plane],
+    camera_height_m: float | None = None,
+) -> dict[str, Plane]:
+    """All planes of a frame but emissive, which only the recording itself can give.
+
+    Parameters
+    ----------
+    rgb
+        Recorded picture, (H, W, 3) sRGB uint8.
+    camera
+        The frame's camera.
+    points
+        Laser returns, (n, 4): camera frame [m] and reflectance 0..1; or None.
+    boxes
+        3D boxes of vehicles and others in the world; may be empty.
+    given
+        Planes that are known already; they are kept as they are and the others are derived from them.
+    camera_height_m
+        Height of the camera above a level road [m]: stands in for depth where there are neither returns nor a plane.
+
+    Raises
+    ------
+    InputError
+        There is nothing to take depth from, or a piece refuses its input.
+    """
+    xyz = None if points is None else points[:, :3]
+    planes: dict[str, Plane] = {"rgb": decode_srgb8(rgb), **given}
+    if "sky" not in planes:
+        planes["sky"] = sky_mask(rgb, camera=camera, points=xyz)
+    sky = planes["sky"]
+    if "depth" not in planes:
+        planes["depth"] = _depth(rgb, camera=camera, points=xyz, sky=sky, camera_height_m=camera_height_m)
+    depth = planes["depth"]
+    if "normal" not in planes:
+        planes["normal"] = normals_from_depth(depth, camera=camera, sky=sky)
+    if not {"road", "vehicle"} <= planes.keys():
+        reflectance = None if points is None else points[:, 3]
+        planes = _road_and_vehicles(rgb, planes, camera=camera, points=xyz, reflectance=reflectance, boxes=boxes)
+    if not {"albedo", "roughness", "metallic"} <= planes.keys():
+        regions = {name: planes[name] for name in ("sky", "road", "vehicle", "normal")}
+        planes = {**materials(planes["rgb"], **regions), **planes}
+    planes.setdefault("street_light", np.zeros(camera.shape, dtype=np.int32))
+    return planes

@@ -1,0 +1,164 @@
+"""Where edited frames go: a video or a folder of images, layers, and a sidecar; each appears whole or not at all."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any, Protocol
+
+import aw4d
+from aw4d.backend import Backend
+from aw4d.clip import Clip
+from aw4d.errors import InputError
+from aw4d.io.files import replacing
+from aw4d.io.images import exr_channels, write_exr, write_png
+from aw4d.io.video import VideoWriter
+from aw4d.overlap import ahead
+from aw4d.pipeline import Plan
+from aw4d.render import Frame, frames_of
+
+FORMATS = ("png", "exr")
+VIDEO_SUFFIX = ".mp4"
+
+
+class Sink(Protocol):
+    """Takes frames one after the other."""
+
+    def write(self, frame: Frame) -> None:
+        """Write one frame."""
+
+
+@contextmanager
+def _replacing_folder(path: Path) -> Iterator[Path]:
+    """A folder beside `path` to fill; it takes the place of `path` when the block ends well, else it is deleted."""
+    if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        raise InputError(f"{path}: exists already and is not an empty folder; give another path")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        temporary.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+class _Video:
+    def __init__(self, writer: VideoWriter) -> None:
+        self._writer = writer
+
+    def write(self, frame: Frame) -> None:
+        self._writer.write(frame.image)
+
+
+class _Folder:
+    def __init__(self, folder: Path, kind: str) -> None:
+        self._folder = folder
+        self._kind = kind
+
+    def write(self, frame: Frame) -> None:
+        path = self._folder / f"{frame.index:06d}.{self._kind}"
+        if self._kind == "exr":
+            write_exr(path, exr_channels(frame.rgb))
+        else:
+            write_png(path, frame.image)
+
+
+class _Layers:
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def write(self, frame: Frame) -> None:
+        for name, values in frame.layers.items():
+            (self._folder / name).mkdir(exist_ok=True)
+            write_exr(self._folder / name / f"{frame.index:06d}.exr", exr_channels(values))
+
+
+def sidecar(clip: Clip, made: Plan, *, backend: str, frames: Sequence[int], seconds: float) -> dict[str, Any]:
+    """Everything that made an edit, as JSON."""
+    return {
+        "aw4d": aw4d.__version__,
+        "clip": clip.info.name,
+        "licence": clip.info.licence,
+        "approximations": clip.info.approximations,
+        "weather": made.weather,
+        "passes": [step.name for step in made.steps],
+        "skipped": made.skipped,
+        "settings": dataclasses.asdict(made.settings),
+        "lights": [dataclasses.asdict(light) for light in made.lights],
+        "backend": backend,
+        "frames": list(frames),
+        "size": [clip.info.width, clip.info.height],
+        "fps": clip.info.fps,
+        "seconds": round(seconds, 3),
+    }
+
+
+def sidecar_path(out: Path) -> Path:
+    """Where the sidecar of an output lies: beside it, `.json` for its suffix."""
+    return out.with_suffix(".json") if out.suffix == VIDEO_SUFFIX else out.with_name(out.name + ".json")
+
+
+@contextmanager
+def open_output(out: Path, fps: float, kind: str = "png") -> Iterator[Sink]:
+    """A video for a path that ends in .mp4, else a folder of images of that kind.
+
+    Raises
+    ------
+    InputError
+        The kind is unknown, the folder holds something already, or the target cannot be written.
+    """
+    if kind not in FORMATS:
+        raise InputError(f"--format: expected {' or '.join(FORMATS)}, got {kind!r}")
+    if out.suffix and out.suffix != VIDEO_SUFFIX and not out.is_dir():
+        raise InputError(f"{out}: expected a path that ends in {VIDEO_SUFFIX}, or a folder, got {out.suffix}")
+    with ExitStack() as stack:
+        if out.suffix == VIDEO_SUFFIX:
+            yield _Video(stack.enter_context(VideoWriter(out, fps=fps)))
+        else:
+            yield _Folder(stack.enter_context(_replacing_folder(out)), kind)
+
+
+def write_all(
+    frames: Iterable[Frame], out: Path, *, fps: float, kind: str = "png", layer_folder: Path | None = None
+) -> None:
+    """Write every frame, and its layers where a folder is given for them."""
+    with ExitStack() as stack:
+        sinks: list[Sink] = [stack.enter_context(open_output(out, fps, kind))]
+        if layer_folder is not None:
+            sinks.append(_Layers(stack.enter_context(_replacing_folder(layer_folder))))
+        for frame in frames:
+            for sink in sinks:
+                sink.write(frame)
+
+
+def write_edit(
+    clip: Clip,
+    made: Plan,
+    backend: Backend,
+    chosen: Sequence[int],
+    out: Path,
+    *,
+    kind: str = "png",
+    layer_folder: Path | None = None,
+    watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames,
+) -> dict[str, Any]:
+    """Edit the chosen frames into `out`, all layers into `layer_folder`, and the sidecar, which is returned.
+
+    `watch` sees every frame on its way, to show progress.
+    """
+    start = time.perf_counter()
+    layers = list(made.layers) if layer_folder is not None else []
+    frames = ahead(frames_of(clip, made, backend, chosen, layers))
+    write_all(watch(frames), out, fps=clip.info.fps, kind=kind, layer_folder=layer_folder)
+    content = sidecar(clip, made, backend=backend.name, frames=chosen, seconds=time.perf_counter() - start)
+    with replacing(sidecar_path(out)) as temporary:
+        temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    return content

@@ -1,0 +1,71 @@
+"""Running an iterator in a thread of its own, a few items ahead, so that decode, compute and encode overlap."""
+
+from __future__ import annotations
+
+import queue
+import threading
+from collections.abc import Iterable, Iterator
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+_DEPTH = 2  # items ahead: enough to hide jitter, and memory stays flat
+
+
+class _Failure:
+    """An exception on its way from the thread to the consumer."""
+
+    def __init__(self, error: BaseException) -> None:
+        self.error = error
+
+
+class _End:
+    """The producer is done."""
+
+
+class _Producer(threading.Thread, Generic[T]):
+    """Fills a bounded queue from an iterable until it ends, fails, or is told to stop."""
+
+    def __init__(self, items: Iterable[T]) -> None:
+        super().__init__(daemon=True)
+        self.items = items
+        self.queue: queue.Queue[T | _Failure | _End] = queue.Queue(maxsize=_DEPTH)
+        self.stop = threading.Event()
+
+    def run(self) -> None:
+        """Produce; the last thing put is an end or a failure."""
+        try:
+            for item in self.items:
+                if not self._put(item):
+                    return
+            self._put(_End())
+        except BaseException as error:  # handed over whole: the consumer raises it
+            self._put(_Failure(error))
+
+    def _put(self, item: T | _Failure | _End) -> bool:
+        while not self.stop.is_set():
+            try:
+                self.queue.put(item, timeout=0.1)
+                return True
+            except queue.Full:
+                continue
+        return False
+
+
+def ahead(items: Iterable[T]) -> Iterator[T]:
+    """The same items in the same order, produced by a thread; its exception is raised here.
+
+    Closing the iterator early stops the thread.
+    """
+    producer = _Producer(items)
+    producer.start()
+    try:
+        while True:
+            item = producer.queue.get()
+            if isinstance(item, _End):
+                return
+            if isinstance(item, _Failure):
+                raise item.error
+            yield item
+    finally:
+        producer.stop.set()
+        producer.join()

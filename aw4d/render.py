@@ -1,0 +1,116 @@
+"""Editing a clip: frames through a plan, decode and compute overlapping, on the backend that was asked for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d.backend import Backend
+from aw4d.backend_numpy import NumpyBackend
+from aw4d.clip import Clip
+from aw4d.colour import encode_srgb8
+from aw4d.errors import InputError
+from aw4d.overlap import ahead
+from aw4d.pipeline import Plan, check_layers, plan, render
+from aw4d.weathers import nearest, settings
+
+log = logging.getLogger("aw4d")
+BACKENDS = ("auto", "opencl", "numpy")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """One edited frame: scene-linear `rgb` (H, W, 3) float32, and layers by name."""
+
+    index: int
+    time: float
+    rgb: NDArray[np.float32]
+    layers: dict[str, NDArray[np.float32]]
+
+    @property
+    def image(self) -> NDArray[np.uint8]:
+        """The frame as 8-bit sRGB, (H, W, 3)."""
+        return encode_srgb8(self.rgb)
+
+
+def open_backend(name: str = "auto", device: int | None = None) -> Backend:
+    """A backend by name; `auto` takes OpenCL where a device works, else NumPy, and logs which.
+
+    Raises
+    ------
+    InputError
+        The name is unknown, or the device that was asked for does not work. Only `auto` without a device chooses.
+    """
+    if name not in BACKENDS:
+        raise InputError(f"--backend: expected a known backend, got {name!r}{nearest(name, BACKENDS)}")
+    if name == "numpy":
+        if device is not None:
+            raise InputError(f"--device: expected none with --backend numpy, got {device}")
+        return NumpyBackend()
+    from aw4d.backend_opencl import OpenCLBackend  # a run on NumPy must not need an OpenCL loader
+
+    if name == "opencl" or device is not None:
+        return OpenCLBackend(device)
+    try:
+        chosen: Backend = OpenCLBackend()
+    except InputError as error:
+        log.warning("no usable OpenCL device, running on NumPy, some 100 times slower (%s)", error)
+        return NumpyBackend()
+    log.info("running on %s", chosen.name)
+    return chosen
+
+
+def frames_of(
+    clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int], layers: Sequence[str] = ()
+) -> Iterator[Frame]:
+    """Edited frames in the order asked for; the next ones are decoded while one is computed."""
+    check_layers(made, layers)
+    for index, source in zip(chosen, ahead(clip.frame(i, made.planes) for i in chosen), strict=True):
+        out = render(backend, source, made, layers)
+        yield Frame(index=index, time=source.time, rgb=out.pop("rgb"), layers=out)
+
+
+def edit(
+    clip: Clip,
+    weather: str,
+    *,
+    backend: str = "auto",
+    device: int | None = None,
+    frames: Sequence[int] | None = None,
+    assignments: Sequence[str] = (),
+    layers: Sequence[str] = (),
+) -> Iterator[Frame]:
+    """Edit a clip.
+
+    Parameters
+    ----------
+    clip
+        An open clip.
+    weather
+        "fog".
+    backend, device
+        "auto", "opencl" or "numpy", and the device's index (see `aw4d doctor`).
+    frames
+        Indices; all by default. Any subset comes out bit-equal to the same frames of a whole run.
+    assignments
+        Parameters as `group.field=value`, for example "fog.visibility_m=60".
+    layers
+        Names of the layers wanted beside the picture.
+
+    Yields
+    ------
+    Frame
+        Scene-linear picture and layers.
+
+    Raises
+    ------
+    InputError
+        Anything asked for does not exist or cannot work; says what.
+    """
+    made = plan(clip, weather, settings(assignments))
+    chosen = range(len(clip)) if frames is None else frames
+    yield from frames_of(clip, made, open_backend(backend, device), chosen, layers)
