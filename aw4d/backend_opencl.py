@@ -143,7 +143,9 @@ class OpenCLBackend:
         key = (name, layers)
         if key not in self._kernels:
             options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}"] + ["-DLAYERS"] * layers
-            program = self._cl.Program(self._context, source(name)).build(options)
+            # Not pyopencl's own cache: a kernel out of a binary has lost its argument names on Intel's runtime.
+            # PoCL and the GPU drivers cache what they build by themselves.
+            program = self._cl.Program(self._context, source(name)).build(options, cache_dir=False)
             self._kernels[key] = _Kernel(self._cl, self._cl.Kernel(program, name))
         return self._kernels[key]
 

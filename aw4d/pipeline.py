@@ -20,6 +20,7 @@ from aw4d.passes import PASSES
 from aw4d.weathers import Settings, find, nearest
 
 GREY: RGB = (0.5, 0.5, 0.5)
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec. 709
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,12 +67,16 @@ class Plan:
 
 
 def environment_color(clip: Clip) -> RGB:
-    """Mean radiance of the surroundings: half sky, half ground, as the clip shows them; grey where it shows neither."""
-    seen = [np.asarray(radiance) for radiance in clip.info.environment.values()]
+    """Mean radiance of the surroundings, half sky and half ground as the clip shows them; grey where it shows neither.
+
+    Its luminance (Rec. 709) in all three channels: the picture's sky is blue because the sun is not in it, while fog is lit
+    by both and looks white.
+    """
+    seen = list(clip.info.environment.values())
     if not seen:
         return GREY
-    red, green, blue = np.mean(seen, axis=0).tolist()
-    return red, green, blue
+    luminance = float(np.mean(seen, axis=0) @ LUMINANCE)
+    return luminance, luminance, luminance
 
 
 def plan(clip: Clip, weather: str, settings: Settings) -> Plan:

@@ -1,11 +1,12 @@
 /* fog.cl - single scattering in a homogeneous medium. Mirrors reference_numpy/fog.py. Paper, supp. "Fog modeling".
  *
  * A lane is a pixel, a work-item W pixels of one row. Per light the ray's stretch inside reach and cone is an interval
- * of the scattering angle a; Gauss-Legendre nodes lie in pairs a = middle -+ half * x, whose half angles come from one
- * sine and cosine by the addition theorem. With s, c = sin(a/2), cos(a/2) and D the lamp's distance from the ray:
+ * of the scattering angle; Gauss-Legendre nodes lie in pairs a = middle -+ half * x, whose half angles come from one sine
+ * and cosine by the addition theorem. With s, c = sin(a/2), cos(a/2) and D the lamp's distance from the ray:
  *     r = D / (2 s c)          lamp to node [m]
  *     x + r = t0 + D s / c     eye to node to lamp [m]
- * neither of which cancels where the ray all but meets the lamp.
+ * neither of which cancels where the ray all but meets the lamp. Where the light shines away from the eye the angle nears
+ * pi and float32 loses the difference to it: there `flip` is set and a is the scattering angle's supplement.
  */
 #include "include/phase.h"
 #include "include/trig.h"
@@ -34,11 +35,10 @@ inline floatw cone(const floatw t)
     return c * c;
 }
 
-/* Distance window W: clamped at 0 before squaring. */
-inline floatw window(const Lamp lamp, const floatw r2)
+/* Distance window W = (1 - (r / r_max)^4)^2 of t = 1 - (r / r_max)^2: clamped at 0 before squaring. */
+inline floatw window(const floatw t)
 {
-    const floatw q = r2 * lamp.inv_reach2;
-    const floatw w = fmax(fma(-q, q, 1.0f), 0.0f);
+    const floatw w = fmax(fma(-t, t, 2.0f * t), 0.0f);
     return w * w;
 }
 
@@ -49,7 +49,7 @@ inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y, const 
     const floatw r2 = fma(vx, vx, fma(vy, vy, fma(vz, vz, EPSILON)));
     const floatw inv = 1.0f / sqrt(r2);
     const floatw mu = -fma(x, vx, fma(y, vy, z * vz)) * inv;
-    floatw light = henyey_greenstein(0.5f - 0.5f * mu, 0.5f + 0.5f * mu, g) * window(lamp, r2) / r2;
+    floatw light = henyey_greenstein(0.5f - 0.5f * mu, 0.5f + 0.5f * mu, g) * window(fmax(fma(-r2, lamp.inv_reach2, 1.0f), 0.0f)) / r2;
     if (lamp.cos_outer >= 0.0f)
         light *= cone((fma(vx, lamp.dx, fma(vy, lamp.dy, vz * lamp.dz)) * inv - lamp.cos_outer) * lamp.inv_cone);
     return light;
@@ -58,15 +58,17 @@ inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y, const 
 /* Integrand at the node whose half angle is that of (sm, cm) plus that of (sn, cn); (sl, cl) and (sh, ch) are the half
  * angles from the cone's two sides, so that cos - cos_outer = 2 R sin(..) sin(..) keeps its digits at the cone's edge. */
 inline floatw node(
-    const Lamp lamp, const floatw D, const floatw t0, const float extinction, const float g, const floatw gain,
+    const Lamp lamp, const floatw D, const floatw reach2, const floatw t0, const intw flip,
+    const float extinction, const float g, const floatw gain,
     const floatw sm, const floatw cm, const floatw sl, const floatw cl, const floatw sh, const floatw ch,
     const floatw sn, const floatw cn)
 {
     const floatw s = fma(sm, cn, cm * sn), c = fma(cm, cn, -sm * sn);
-    const floatw s2 = s * s;
+    const floatw s2 = SELECTW(flip, c * c, s * s), c2 = SELECTW(flip, s * s, c * c); /* of the scattering angle */
     const floatw inv = 1.0f / (s * c);
-    const floatw r = 0.5f * D * inv;
-    floatw light = henyey_greenstein(s2, c * c, g) * window(lamp, r * r) * exp(-extinction * fma(D * s2, inv, t0));
+    const floatw u = 0.5f * D * inv * (c2 - s2); /* along the ray, from its closest approach: r^2 = D^2 + u^2 */
+    const floatw t = fmax(fma(-u, u, reach2), 0.0f) * lamp.inv_reach2;
+    floatw light = henyey_greenstein(s2, c2, g) * window(t) * exp(-extinction * fma(D * s2, inv, t0));
     if (lamp.cos_outer >= 0.0f)
         light *= cone(gain * fma(sl, cn, cl * sn) * fma(sh, cn, -ch * sn));
     return light;
@@ -84,37 +86,52 @@ inline floatw along_ray(
     const floatw ay = lamp.pz * x - lamp.px * z;
     const floatw az = lamp.px * y - lamp.py * x;
     const floatw D2 = fma(ax, ax, fma(ay, ay, fma(az, az, EPSILON)));
-    const floatw reach = sqrt(fmax(lamp.reach2 - D2, 0.0f));
-    intw lit = (lamp.reach2 > D2) & (t0 - s < reach) & (t0 > -reach);
+    const floatw reach2 = lamp.reach2 - D2;
+    const floatw reach = sqrt(fmax(reach2, 0.0f)); /* along the ray, on both sides of its closest approach */
+    intw lit = (reach2 > 0.0f) & (t0 - s < reach) & (t0 > -reach);
     if (!ANYW(lit))
         return 0.0f;
 
     const floatw D = sqrt(D2);
-    floatw low = atan2_upper(D, fmin(t0, reach));
-    floatw high = atan2_upper(D, fmax(t0 - s, -reach));
+    const floatw near = fmin(t0, reach), far = fmax(t0 - s, -reach);
+    intw flip = t0 < 0.0f;
     floatw middle = 0.0f, half_cone = 0.0f, gain = 0.0f;
     if (lamp.cos_outer >= 0.0f) {
-        /* The cosine to the spot's axis at scattering angle a is k sin(a) - c cos(a) = R cos(a - middle). R^2 comes from
-         * the axis' component m along `across`: c^2 + k^2 would lose the digits that decide a grazing ray. */
+        /* The cosine to the spot's axis at angle a is k sin(a) + |c| cos(a) = R cos(a - middle), and the ray meets the cone
+         * where inside = R^2 - cos_outer^2 > 0. A narrow cone's R^2 is near 1: there R^2 = 1 - m^2, with m the axis'
+         * component along `across`, keeps the digits that decide a grazing ray. */
         const floatw c = fma(x, lamp.dx, fma(y, lamp.dy, z * lamp.dz));
         const floatw k = -((y * az - z * ay) * lamp.dx + (z * ax - x * az) * lamp.dy + (x * ay - y * ax) * lamp.dz) / D;
-        const floatw m = fma(ax, lamp.dx, fma(ay, lamp.dy, az * lamp.dz)) / D;
-        const floatw inside = fma(-m, m, lamp.sin2_outer) - EPSILON / D2 * (1.0f - c * c); /* R^2 - cos_outer^2 */
+        const floatw R2 = fma(c, c, k * k);
+        floatw inside = R2 - lamp.cos_outer * lamp.cos_outer;
+        if (lamp.cos_outer > M_SQRT1_2_F) {
+            const floatw m = fma(ax, lamp.dx, fma(ay, lamp.dy, az * lamp.dz)) / D;
+            inside = fma(-m, m, lamp.sin2_outer) - EPSILON / D2 * (1.0f - c * c);
+        }
         lit &= (inside > 0.0f);
         if (!ANYW(lit))
             return 0.0f;
-        middle = SELECTW(k < 0.0f, -1.0f, 1.0f) * atan2_upper(fabs(k), -c);
+        flip = c > 0.0f;
+        middle = copysign(atan2_upper(fabs(k), fabs(c)), k);
         half_cone = atan2_upper(sqrt(fmax(inside, 0.0f)), (floatw)(lamp.cos_outer));
-        gain = 2.0f * lamp.inv_cone * sqrt(fma(c, c, k * k));
-        low = fmax(low - middle, -half_cone);
-        high = fmin(high - middle, half_cone);
+        gain = 2.0f * lamp.inv_cone * sqrt(R2);
     }
-    lit &= (high > low);
+    /* The angle that the stretch subtends, by the tangent of a difference: a short one would be lost between two angles. */
+    const floatw length = SELECTW((near == t0) & (far == t0 - s), s, near - far);
+    floatw spread = atan2_upper(D * length, fma(near, far, D2));
+    floatw low = atan2_upper(D, SELECTW(flip, -far, near)) - middle;
+    if (lamp.cos_outer >= 0.0f) {
+        const floatw high = fmin(low + spread, half_cone);
+        const intw clipped = (low < -half_cone) | (low + spread > half_cone);
+        low = fmax(low, -half_cone);
+        spread = SELECTW(clipped, high - low, spread);
+    }
+    lit &= (spread > 0.0f);
     if (!ANYW(lit))
         return 0.0f;
 
     /* from here on all angles are halved */
-    const floatw spread = 0.5f * fmax(high - low, 0.0f);
+    spread = 0.5f * fmax(spread, 0.0f);
     const floatw centre = fma(0.5f, low, 0.5f * spread);
     floatw cm, cl = 1.0f, ch = 1.0f, sl = 0.0f, sh = 0.0f, total = 0.0f;
     const floatw sm = sincos_quarter(fma(0.5f, middle, centre), &cm);
@@ -125,8 +142,8 @@ inline floatw along_ray(
     for (int i = 0; i < node_pairs; i++) {
         floatw cn;
         const floatw sn = sincos_eighth(0.5f * node_x[i] * spread, &cn);
-        total = fma(node_w[i], node(lamp, D, t0, extinction, g, gain, sm, cm, sl, cl, sh, ch, -sn, cn)
-                             + node(lamp, D, t0, extinction, g, gain, sm, cm, sl, cl, sh, ch, sn, cn), total);
+        total = fma(node_w[i], node(lamp, D, reach2, t0, flip, extinction, g, gain, sm, cm, sl, cl, sh, ch, -sn, cn)
+                             + node(lamp, D, reach2, t0, flip, extinction, g, gain, sm, cm, sl, cl, sh, ch, sn, cn), total);
     }
     return SELECTW(lit, total * spread / D, 0.0f);
 }

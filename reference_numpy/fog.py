@@ -198,16 +198,18 @@ def _along_ray(lamp: _Lamp, ray: Array, s: Array, *, extinction: float, g: float
     if lamp.cos_outer >= 0:
         R = np.hypot(c, k)
         middle = np.arctan2(k, -c)
+        middle = np.where(middle < -np.pi / 2, middle + 2 * np.pi, middle)  # (0, pi) is reached from above, too
         half = np.arccos(np.clip(lamp.cos_outer / np.maximum(R, lamp.cos_outer), -1.0, 1.0))
         low, high = np.maximum(low, middle - half), np.minimum(high, middle + half)
-    width = np.where(lamp.r_max > D, np.maximum(high - low, 0.0), 0.0)
+    lit = (high > low) & (lamp.r_max > D)
 
     total = np.zeros_like(s)
+    low, width, D, t0, c, k = low[lit], (high - low)[lit], D[lit], t0[lit], c[lit], k[lit]
     for x, w in zip(*gauss_legendre(nodes), strict=True):
         a = low + width * (1 + x) / 2
         sin, cos = np.sin(a), np.cos(a)
         r = D / sin
         path = t0 + D * np.tan(a / 2)  # x + r, the way from the eye to the node and on to the lamp
         light = lamp.cone(k * sin - c * cos) * lamp.window(r * r) * np.exp(-extinction * path)
-        total += w * henyey_greenstein(cos, g=g) * light
-    return total * width / (2 * D)
+        total[lit] += w * henyey_greenstein(cos, g=g) * light * width / (2 * D)
+    return total

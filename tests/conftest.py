@@ -1,11 +1,17 @@
-"""Fixtures shared by the tests: where the real recordings are."""
+"""Fixtures shared by the tests: real recordings, and every OpenCL device at every width."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+from aw4d.errors import InputError
+
+if TYPE_CHECKING:
+    from aw4d.backend_opencl import OpenCLBackend
 
 ROOT = Path(__file__).resolve().parent.parent
 KITTI_DRIVE = "kitti_raw/2011_09_26/2011_09_26_drive_0013_sync"
@@ -24,3 +30,51 @@ def test_data() -> Path:
 def kitti_drive(test_data: Path) -> Path:
     """The KITTI raw drive of 57 frames."""
     return test_data / KITTI_DRIVE
+
+
+def _opencl_configurations() -> list[tuple[int, int]]:
+    """(device, width) of every usable OpenCL device; the width of a GPU is 1."""
+    from aw4d import opencl
+
+    try:
+        usable = [report for report in opencl.devices() if report.usable]
+    except InputError:
+        usable = []
+    return [(r.index, width) for r in usable for width in (opencl.WIDTHS if r.kind == "cpu" else (1,))]
+
+
+def _need_device(request: pytest.FixtureRequest) -> None:
+    if request.param is None:
+        if os.environ.get("AW4D_REQUIRE_CL"):
+            pytest.fail("AW4D_REQUIRE_CL is set, but no OpenCL device builds and runs a kernel (see `aw4d doctor`)")
+        pytest.skip("no OpenCL device builds and runs a kernel (see `aw4d doctor`)")
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run a test that asks for `opencl_backend` on every device and width, one that asks for `opencl_device` on each."""
+    for fixture, first_width_only in (("opencl_backend", False), ("opencl_device", True)):
+        if fixture not in metafunc.fixturenames:
+            continue
+        found = _opencl_configurations()
+        if first_width_only:
+            found = list({device: (device, width) for device, width in found}.values())
+        ids = [f"device{device}-width{width}" for device, width in found]
+        metafunc.parametrize(fixture, found or [None], ids=ids or ["no-device"], indirect=True, scope="session")
+
+
+@pytest.fixture(scope="session")
+def opencl_backend(request: pytest.FixtureRequest) -> OpenCLBackend:
+    """An OpenCL backend; once for every usable device and every width."""
+    _need_device(request)
+    from aw4d.backend_opencl import OpenCLBackend
+
+    return OpenCLBackend(*request.param)
+
+
+@pytest.fixture(scope="session")
+def opencl_device(request: pytest.FixtureRequest) -> OpenCLBackend:
+    """An OpenCL backend at the device's widest; once for every usable device."""
+    _need_device(request)
+    from aw4d.backend_opencl import OpenCLBackend
+
+    return OpenCLBackend(*request.param)

@@ -12,7 +12,7 @@ from aw4d.errors import InputError
 Array = NDArray[np.float64]
 
 HYPOTHESES = 400  # planes tried: finds three inliers with probability 1 - 4e-6 where 70 % are outliers
-TOLERANCE = 0.01  # largest distance of an inlier from the plane, as a fraction of its distance from the camera
+TOLERANCE = 0.04  # largest distance of an inlier from the plane, as a fraction of the camera's height above it
 SAMPLES = 3000  # points that vote
 FEWEST = 0.2  # share of the points under which there is no ground
 STEEPEST = np.deg2rad(30.0)  # largest angle between the plane's normal and up
@@ -59,26 +59,17 @@ def _votes(normals: Array, offsets: Array, points: Array) -> Array:
 
     A plain count would let a tilted plane win that grazes both the road and the verge beside it.
     """
-    tolerance = TOLERANCE * np.linalg.norm(points, axis=-1)
-    deviation = (points @ normals.T + offsets) / tolerance[:, None]
+    deviation = (points @ normals.T + offsets) / np.maximum(TOLERANCE * np.abs(offsets), np.finfo(float).tiny)
     return np.asarray(np.maximum(1 - deviation**2, 0).sum(axis=0), dtype=np.float64)
 
 
 def _refine(normal: Array, offset: float, points: Array) -> tuple[Array, float]:
-    """Total least squares on the inliers, each weighed by its inverse distance as the tolerance is.
-
-    The tolerance shrinks to three robust standard deviations (1.48 times the median deviation, Huber 1981).
-    """
-    reach = np.linalg.norm(points, axis=-1)
-    tolerance = TOLERANCE
+    """Total least squares on the inliers, until they settle."""
     for _ in range(5):
-        deviation = np.abs(points @ normal + offset) / reach
-        inlier = deviation <= tolerance
-        tolerance = min(TOLERANCE, 3 * 1.48 * float(np.median(deviation[inlier])) + 1e-9)
-        weight = 1 / reach[inlier, None] ** 2
-        centre = (weight * points[inlier]).sum(axis=0) / weight.sum()
-        scatter = (points[inlier] - centre).T @ (weight * (points[inlier] - centre))
-        fitted = np.linalg.eigh(scatter)[1][:, 0]
+        inlier = np.abs(points @ normal + offset) <= TOLERANCE * offset
+        centre = points[inlier].mean(axis=0)
+        centred = points[inlier] - centre
+        fitted = np.linalg.eigh(centred.T @ centred)[1][:, 0]
         normal = fitted if fitted @ normal > 0 else -fitted
         offset = float(-normal @ centre)
     return normal, offset
@@ -98,7 +89,8 @@ def _checked(points: ArrayLike, up: ArrayLike) -> tuple[Array, Array]:
 def fit_ground(points: ArrayLike, *, up: ArrayLike, seed: int) -> GroundPlane:
     """Fit the ground plane by RANSAC (Fischler and Bolles 1981), then least squares on its inliers.
 
-    Distances count relative to the range of the point, so the result does not depend on the unit of the points.
+    Distances from the plane count relative to the camera's height above it, so the unit of the points does not
+    matter, and a kerb (a decimetre) is told from the road.
 
     Parameters
     ----------
@@ -130,7 +122,7 @@ def fit_ground(points: ArrayLike, *, up: ArrayLike, seed: int) -> GroundPlane:
     normal, offset = _refine(normals[best], float(offsets[best]), p)
     if normal @ direction < np.cos(STEEPEST) or offset <= 0:
         raise InputError(_refusal(votes, cosine, len(voters)))
-    on_plane = np.abs(p @ normal + offset) <= TOLERANCE * np.linalg.norm(p, axis=-1)
+    on_plane = np.abs(p @ normal + offset) <= TOLERANCE * offset
     return GroundPlane(normal=normal, offset=offset, inliers=float(on_plane.mean()))
 
 

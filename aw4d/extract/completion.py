@@ -10,11 +10,12 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from aw4d.camera import Camera
 from aw4d.errors import InputError
-from aw4d.extract.smoothing import guide_weights, smooth, spread
+from aw4d.extract.smoothing import guide_weights, spread
 from aw4d.extract.visibility import visible_uvz
 
 Array = NDArray[np.float64]
@@ -22,15 +23,21 @@ Mask = NDArray[np.bool_]
 
 RETURNS_MIN = 10
 MARGIN = 20.0  # [px] returns just outside the image still shape what is inside
-RING_STRETCH = 1.75  # returns are dense along a ring, sparse between rings: a row counts as this many columns
-JUMP_RATIO = 1.15  # a triangle whose corners differ by more spans two surfaces
-ON_GROUND, STANDING = 0.15, 0.3  # [m] above the ground plane; a triangle with corners of both kinds spans two surfaces
-NEIGHBOURS = 6
-SAME_SURFACE = 0.1  # relative difference of inverse depth within a surface
 DEPTH_RANGE = (0.1, 500.0)  # [m]
-MIX = 0.3
-RIM = 10
-ARRIVED_MIN = 1e-4
+
+# Returns are dense along a ring and sparse between rings: a row counts as this many columns.
+RING_STRETCH = 1.75
+RING_APART = 10.0  # the same, to keep to one ring
+RING_RETURNS, RING_REACH = 7, 6.0  # neighbours on a ring, and how far they may be [px]
+RING_NOISE = 0.01  # relative range noise, generously
+
+JUMP_RATIO = 1.15  # a triangle whose corners differ by more spans two surfaces
+ON_GROUND, STANDING = 0.2, 0.4  # [m] above the ground plane; a triangle with corners of both kinds does so too
+NEIGHBOURS = 6  # returns that a pixel between two surfaces chooses from
+SAME_SURFACE = 0.1  # relative difference of inverse depth within a surface
+SHARPNESS = 0.5  # share of the choice, against the smooth estimate, which errs less where the image shows no edge
+ARRIVED_MIN = 1e-6  # share of a return that must reach a pixel to decide there
+RIM = 10  # rows at the end of the scan that are carried on
 
 
 class _Scan:
@@ -38,19 +45,38 @@ class _Scan:
 
     def __init__(self, uvz: Array, camera: Camera) -> None:
         self.shape = camera.shape
-        self.pixels, self.z, self.inverse = uvz[:, :2], uvz[:, 2], 1 / uvz[:, 2]
+        self.pixels = uvz[:, :2]
+        self.inverse = _along_rings(self.pixels, 1 / uvz[:, 2])
         rays = np.column_stack([(self.pixels - camera.K[:2, 2]) / camera.K[[0, 1], [0, 1]], np.ones(len(uvz))])
         low = self.pixels[:, 1] >= np.percentile(self.pixels[:, 1], 60)
         plane = _ground_plane(rays[low], self.inverse[low])
         self.ground = camera.rays() @ plane  # (H, W) inverse depth of the ground plane, negative above its horizon
         self.ground_inverse = rays @ plane
-        height = (1 - self.z * self.ground_inverse) / max(float(np.linalg.norm(plane)), 1e-9)  # [m] above the ground
+        height = (1 - self.ground_inverse / self.inverse) / max(
+            float(np.linalg.norm(plane)), 1e-9
+        )  # [m] above the ground
         self.on_ground = np.abs(height) < ON_GROUND
         self.standing = height > STANDING
 
 
+def _along_rings(pixels: Array, inverse: Array) -> Array:
+    """Inverse depth (N,), each replaced by the value on the line fitted through it and its neighbours on its ring.
+
+    Takes out the range noise of the single return; the rings keep their offsets from one another.
+    """
+    stretched = pixels * (1.0, RING_APART)
+    distance, index = cKDTree(stretched).query(stretched, k=min(RING_RETURNS, len(pixels)))
+    offset, q = pixels[index, 0] - pixels[:, :1], inverse[index]
+    weight = np.maximum(1 - (distance / RING_REACH) ** 2, 0) * (np.abs(q / inverse[:, None] - 1) < RING_NOISE)
+    w0, w1, w2 = ((weight * offset**n).sum(axis=1) for n in range(3))
+    q0, q1 = ((weight * offset**n * q).sum(axis=1) for n in range(2))
+    determinant = w0 * w2 - w1**2
+    enough = determinant > 0.5 * w0**2  # neighbours lie about 1 px apart or more
+    return np.where(enough, (w2 * q0 - w1 * q1) / np.where(enough, determinant, 1), inverse)
+
+
 def _ground_plane(rays: Array, inverse: Array) -> Array:
-    """Ground plane (a, b, c) [1/m] with inverse depth a x + b y + c for the ray (x, y, 1); zeros where there is none."""
+    """Ground plane (a, b, c) [1/m] with inverse depth a x + b y + c for the ray (x, y, 1); zeros where none is."""
     weight = np.ones(len(rays))
     for _ in range(10):  # Tukey's biweight: what stands on the ground drops out
         plane = np.linalg.lstsq(rays * weight[:, None], inverse * weight, rcond=None)[0]
@@ -63,12 +89,14 @@ def _ground_plane(rays: Array, inverse: Array) -> Array:
 
 def _interpolate(scan: _Scan) -> tuple[Array, Mask, Mask]:
     """Linear interpolation of inverse depth; (H, W) inverse depth [1/m], where it is known, where it spans a jump."""
-    inverse, known, jump = np.zeros(scan.shape), np.zeros(scan.shape, np.bool_), np.zeros(scan.shape, np.bool_)
+    jump = np.zeros(scan.shape, dtype=np.bool_)
     stretch = (1.0, RING_STRETCH)
     try:
         mesh = Delaunay(scan.pixels * stretch)
     except QhullError:  # all returns on one line
-        return inverse, known, jump
+        inverse, count = _splat(scan)
+        return inverse, count > 0, jump
+    inverse, known = np.zeros(scan.shape), np.zeros(scan.shape, dtype=np.bool_)
     v, u = np.indices(scan.shape).reshape(2, -1)
     reach = (v >= scan.pixels[:, 1].min()) & (v <= scan.pixels[:, 1].max())
     v, u = v[reach], u[reach]
@@ -79,8 +107,10 @@ def _interpolate(scan: _Scan) -> tuple[Array, Mask, Mask]:
     transform, q = mesh.transform[triangle], scan.inverse[mesh.simplices]
     share = np.einsum("nij,nj->ni", transform[:, :2], np.stack([u, v], axis=-1) * stretch - transform[:, 2])
     inverse[v, u] = q[triangle, 2] + ((q[:, :2] - q[:, 2:])[triangle] * share).sum(axis=1)
-    foot = scan.on_ground[mesh.simplices].any(axis=1) & scan.standing[mesh.simplices].any(axis=1)
-    known[v, u], jump[v, u] = True, ((q.max(axis=1) > JUMP_RATIO * q.min(axis=1)) | foot)[triangle]
+    ground, standing = scan.on_ground[mesh.simplices], scan.standing[mesh.simplices]
+    foot = ground.any(axis=1) & standing.any(axis=1)
+    gap = (q.max(axis=1) > JUMP_RATIO * q.min(axis=1)) & ~ground.all(axis=1)  # far rings on a road lie far apart
+    known[v, u], jump[v, u] = True, (gap | foot)[triangle]
     return inverse, known, jump
 
 
@@ -111,6 +141,28 @@ def _snap(estimate: Array, where: Mask, scan: _Scan) -> Array:
     return np.asarray((weight * q).sum(axis=1) / weight.sum(axis=1))
 
 
+def _honour_returns(inverse: Array, scan: _Scan) -> Array:
+    """Correct the map so that, read between its pixels, it gives the returns back.
+
+    The rings ride a little above or below one another, so the triangulation has a ridge along each that the pixel
+    grid cuts off.
+    """
+    u, v = scan.pixels.astype(np.float32).T
+    read = cv2.remap(inverse.astype(np.float32), u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).ravel()
+    missing = scan.inverse - read
+    missing[np.abs(missing) > RING_NOISE * scan.inverse] = 0
+    total, weight = np.zeros(scan.shape), np.zeros(scan.shape)
+    column, row = np.floor(scan.pixels).astype(int).T
+    for du, dv in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        share = (1 - np.abs(scan.pixels[:, 0] - column - du)) * (1 - np.abs(scan.pixels[:, 1] - row - dv))
+        inside = (column + du >= 0) & (column + du < scan.shape[1]) & (row + dv >= 0) & (row + dv < scan.shape[0])
+        pixel = row[inside] + dv, column[inside] + du
+        np.add.at(total, pixel, (share * missing)[inside])
+        np.add.at(weight, pixel, share[inside])
+    total, weight = (np.asarray(cv2.GaussianBlur(a, (7, 1), 1.0), dtype=np.float64) for a in (total, weight))
+    return np.asarray(inverse + total / np.maximum(weight, 0.1))
+
+
 def _guide(rgb: NDArray[np.uint8], blur: float) -> NDArray[np.float32]:
     """CIE Lab image (H, W, 3), lightly blurred: texture finer than that says nothing about surfaces."""
     lab = cv2.cvtColor(rgb.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
@@ -131,11 +183,11 @@ def _resolve_jumps(
 
     Where no return is near enough to decide, nothing is known.
     """
-    across, down = _affinity(_guide(rgb, 0.6), sky, 20.0)
+    across, down = _affinity(_guide(rgb, 0.6), sky, 30.0)
     estimate, arrived = spread(*_splat(scan), across=10 * across, down=3 * down)
     decide = jump & (arrived > ARRIVED_MIN)
     inverse = inverse.copy()
-    inverse[decide] = MIX * estimate[decide] + (1 - MIX) * _snap(estimate, decide, scan)
+    inverse[decide] = SHARPNESS * _snap(estimate, decide, scan) + (1 - SHARPNESS) * estimate[decide]
     return inverse, known & (decide | ~jump)
 
 
@@ -145,25 +197,78 @@ def _rim(known: Mask, rows: slice) -> Mask:
 
 
 def _extend(inverse: Array, known: Mask, ground: Array, *, rgb: NDArray[np.uint8], sky: Mask) -> Array:
-    """Continue surfaces where the scan has none: upwards at their depth, downwards with the slope of the ground."""
+    """Continue surfaces where the scan has none: upwards at their depth, downwards with the slope of the ground.
+
+    Zero where nothing is connected to the scan.
+    """
     across, down = _affinity(_guide(rgb, 1.5), sky, 8.0)
     top, bottom = _rim(known, np.s_[::1]), _rim(known, np.s_[::-1])
-    above, _ = spread(inverse, top.astype(float), across=300 * across, down=10000 * down)
-    below, _ = spread(inverse - ground, bottom.astype(float), across=300 * across, down=300 * down)
-    between, _ = spread(inverse, known.astype(float), across=100 * across, down=30 * down)
-    rows = np.arange(known.shape[0])[:, None]
-    lowest = np.where(known, rows, -1).max(axis=0)
-    highest = np.where(known, rows, known.shape[0]).min(axis=0)
-    outside = np.where(rows > lowest, below + ground, np.where(rows < highest, above, between))
+    above, _ = spread(inverse, top.astype(np.float64), across=300 * across, down=10000 * down)
+    below, reached = spread(inverse - ground, bottom.astype(np.float64), across=300 * across, down=300 * down)
+    below += np.where(reached > 0, ground, 0)
+    between, _ = spread(inverse, known.astype(np.float64), across=100 * across, down=30 * down)
+    rows, columns = np.arange(known.shape[0])[:, None], np.arange(known.shape[1])
+    struck = np.flatnonzero(known.any(axis=0))
+    nearest = struck[np.abs(struck[:, None] - columns).argmin(axis=0)] if struck.size else columns
+    lowest = np.where(known, rows, -1).max(axis=0)[nearest]
+    highest = np.where(known, rows, known.shape[0]).min(axis=0)[nearest]
+    outside = np.where(rows < highest, above, np.where(rows > lowest, below, between))
     return np.where(known, inverse, outside)
+
+
+def _fill_islands(inverse: Array, sky: Mask) -> Array:
+    """Give what is not sky and still without depth, such as twigs against the sky, the depth nearest to it."""
+    empty = (inverse <= 0) & ~sky
+    source = (inverse > 0) & ~sky
+    if not empty.any() or not source.any():
+        return inverse
+    nearest = distance_transform_edt(~source, return_distances=False, return_indices=True)
+    return np.where(empty, inverse[tuple(nearest)], inverse)
+
+
+def _check(rgb: NDArray[np.uint8], sky: Mask, camera: Camera) -> None:
+    if rgb.shape != (*camera.shape, 3) or rgb.dtype != np.uint8:
+        raise InputError(f"rgb: expected {(*camera.shape, 3)} uint8 sRGB, got {rgb.shape} {rgb.dtype.name}")
+    if sky.shape != camera.shape or sky.dtype != np.bool_:
+        raise InputError(f"sky: expected {camera.shape} bool, got {sky.shape} {sky.dtype.name}")
 
 
 def complete_depth(
     points: NDArray[np.float32], *, rgb: NDArray[np.uint8], camera: Camera, sky: NDArray[np.bool_]
 ) -> NDArray[np.float32]:
-    scan = _Scan(visible_uvz(points, camera=camera, margin=MARGIN), camera)
+    """Depth of every pixel from one LiDAR scan and the image.
+
+    Parameters
+    ----------
+    points
+        Returns, (N, 3) in the camera frame [m]; those that are not finite, behind the eye, outside the image or
+        hidden from the camera by nearer ones are left out.
+    rgb
+        (H, W, 3) sRGB.
+    camera
+        The frame's camera.
+    sky
+        (H, W), pixels that see nothing but sky.
+
+    Returns
+    -------
+    NDArray[np.float32]
+        (H, W) z [m], finite, within 0.1 to 500 m. What stands on sky pixels has no meaning.
+
+    Raises
+    ------
+    InputError
+        A shape or dtype is wrong, or the camera sees fewer than 10 returns.
+    """
+    _check(rgb, sky, camera)
+    seen = visible_uvz(points, camera=camera, margin=MARGIN)
+    if len(seen) < RETURNS_MIN:
+        raise InputError(f"points: expected at least {RETURNS_MIN} returns that the camera sees, got {len(seen)}")
+    scan = _Scan(seen, camera)
     inverse, known, jump = _interpolate(scan)
     inverse, known = _resolve_jumps(inverse, known & ~sky, jump & ~sky, scan, rgb=rgb, sky=sky)
+    inverse = _honour_returns(inverse, scan)
     inverse = _extend(inverse, known, np.maximum(scan.ground, 0), rgb=rgb, sky=sky)
-    near, far = DEPTH_RANGE
-    return (1 / np.clip(inverse, 1 / far, 1 / near)).astype(np.float32)
+    inverse = _fill_islands(inverse, sky)
+    nearest, farthest = DEPTH_RANGE
+    return (1 / np.clip(inverse, 1 / farthest, 1 / nearest)).astype(np.float32)

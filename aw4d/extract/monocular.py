@@ -49,10 +49,10 @@ def _looks_like_ground(rgb: NDArray[np.uint8], ground: Image) -> Mask:
 def _things(ground_like: Mask, below: Mask) -> NDArray[np.int32]:
     """Labels (H, W) of the regions below the horizon that look like no ground and are large enough, 0 = none."""
     size = max(3, round(SMALLEST * len(below)))
-    mask = (~ground_like & below).astype(np.uint8)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((size, size), np.uint8))
-    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((size, size), np.uint8))
-    return np.asarray(cv2.connectedComponents(mask)[1], dtype=np.int32)
+    kernel = np.ones((size, size), np.uint8)
+    closed = cv2.morphologyEx((~ground_like & below).astype(np.uint8), cv2.MORPH_CLOSE, kernel)
+    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, kernel)
+    return np.asarray(cv2.connectedComponents(opened)[1], dtype=np.int32)
 
 
 def _columns(thing: Mask, below: Mask, height: Image, headroom_m: float) -> Mask:

@@ -13,41 +13,26 @@ from numpy.typing import NDArray
 
 from aw4d.camera import Camera
 from aw4d.errors import InputError
+from aw4d.extract.planes import affinity, local_planes
 from aw4d.extract.smoothing import smooth
 
 Array = NDArray[np.float64]
 
-GRAZING = 0.3
-PRIOR = 1e-3
-REACH = 0.5  # [m] on the surface, facing the eye, over which a normal is averaged
-COARSE = 8.0
+COARSE = 6.0  # [px] reach of the first average, from which creases are found
+REACH = 0.4  # [m] reach of the second average on a surface that faces the eye
 REACH_LIMITS = (15.0, 60.0)  # [px]
-STEP = 0.01  # relative bend of inverse depth over one pixel that separates surfaces
-CREASE = 0.05  # [rad] turn of the normal over one pixel that separates surfaces
-
-
-def _bend(inverse: Array, axis: int) -> Array:
-    """Affinity of neighbours along `axis`, 0 to 1: low where inverse depth is not linear from one to the next."""
-    q = np.moveaxis(inverse, axis, 0)
-    bend = np.zeros_like(q)
-    bend[1:-1] = np.abs(q[2:] - 2 * q[1:-1] + q[:-2]) / q[1:-1]
-    weight = np.exp(-((np.minimum(bend[1:], bend[:-1]) / STEP) ** 2))
-    return np.moveaxis(weight, 0, axis)
-
-
-def _slope(inverse: Array, affinity: Array, axis: int) -> tuple[Array, Array]:
-    """Derivative of inverse depth per pixel along `axis`, and the smaller affinity to the two neighbours."""
-    q, w = np.moveaxis(inverse, axis, 0), np.moveaxis(affinity, axis, 0)
-    step = np.pad(np.diff(q, axis=0), ((1, 1), (0, 0)), mode="edge")
-    w = np.pad(w, ((1, 1), (0, 0)), mode="edge")
-    slope, trust = (step[1:] + step[:-1]) / 2, np.minimum(w[1:], w[:-1])
-    return np.moveaxis(slope, 0, axis), np.moveaxis(trust, 0, axis)
+CREASE = 0.06  # [rad] turn of the normal over one pixel that separates surfaces
+GROUND_CREASE = 0.02  # [rad] the same between surfaces that face up: the ground is flat, and low light shows its slants
+UPWARD = 0.7  # cosine to the vertical of a surface that faces up
+GRAZING = 0.3  # cosine to the view; what is steeper and not ground is rather the ramp between two surfaces
+FACING = 1e-3  # weight of a normal that faces the camera, for where there is no other
 
 
 def _turn(normal: Array, axis: int) -> Array:
     """Affinity of neighbours along `axis`, 0 to 1: low where the normal turns."""
     turn2 = (np.diff(normal, axis=axis) ** 2).sum(axis=-1)
-    return np.asarray(np.exp(-turn2 / CREASE**2))
+    flat = _pairs(np.abs(normal[..., 1]), axis) > UPWARD
+    return np.asarray(np.exp(-turn2 / np.where(flat, GROUND_CREASE, CREASE) ** 2))
 
 
 def _unit(plane: Array, rays: Array) -> Array:
@@ -62,29 +47,60 @@ def _pairs(values: Array, axis: int) -> Array:
     return np.moveaxis(np.minimum(v[1:], v[:-1]), 0, axis)
 
 
-def normals_from_depth(
-    depth: NDArray[np.float32], *, camera: Camera, sky: NDArray[np.bool_]
-) -> NDArray[np.float32]:
-    inverse = 1 / depth.astype(np.float64)
-    rays = camera.rays()
-    solid = ~sky
-    across = _bend(inverse, 1) * (solid[:, 1:] == solid[:, :-1])
-    down = _bend(inverse, 0) * (solid[1:] == solid[:-1])
-    a, trust_a = _slope(inverse, across, 1)
-    b, trust_b = _slope(inverse, down, 0)
-    a, b = a * camera.K[0, 0], b * camera.K[1, 1]
-    plane = np.stack([a, b, inverse - a * rays[..., 0] - b * rays[..., 1]], axis=-1)
-    trust = np.minimum(trust_a, trust_b) * solid
-    grazing = inverse / np.linalg.norm(plane, axis=-1) / np.linalg.norm(rays, axis=-1)
-    ground = np.abs(plane[..., 1]) > 0.7 * np.linalg.norm(plane, axis=-1)
-    trust *= np.where(ground, 1, np.minimum(grazing / GRAZING, 1) ** 4)
-    plane *= (trust / np.linalg.norm(plane, axis=-1))[..., None]
-    plane[..., 2] += PRIOR
-    reach = np.clip(REACH * camera.K[0, 0] * inverse, *REACH_LIMITS) ** 2
-    coarse = _unit(smooth(plane, across=COARSE**2 * across, down=COARSE**2 * down), rays)
-    across *= _pairs(reach, 1)
-    down *= _pairs(reach, 0)
-    plane = smooth(plane, across=across * _turn(coarse, 1), down=down * _turn(coarse, 0))
-    normal = _unit(plane, rays)
+def _believe(plane: Array, inverse: Array, rays: Array) -> Array:
+    """How far planes (H, W, 3) are to be believed by their slant, (H, W), 0 to 1.
+
+    The face of a kerb is narrower than the rings are apart: what faces up counts by how level it is. Any other
+    surface seen at a grazing angle is rather the ramp that interpolation leaves between two surfaces.
+    """
+    length = np.linalg.norm(plane, axis=-1)
+    upward = np.abs(plane[..., 1]) / length
+    facing = inverse / length / np.linalg.norm(rays, axis=-1)
+    level = np.maximum((upward - UPWARD) / (1 - UPWARD), 0.1) ** 4
+    return np.asarray(np.where(upward > UPWARD, level, np.minimum(facing / GRAZING, 1) ** 4))
+
+
+def normals_from_depth(depth: NDArray[np.float32], *, camera: Camera, sky: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Unit normals of the surfaces in a depth map.
+
+    Two passes: a short average of the local planes shows where the normal turns; a long one, in metres on the
+    surface, stops there and at depth steps.
+
+    Parameters
+    ----------
+    depth
+        (H, W) z [m], > 0.
+    camera
+        The frame's camera.
+    sky
+        (H, W), pixels without a surface; their normal faces the camera.
+
+    Returns
+    -------
+    NDArray[np.float32]
+        (H, W, 3), camera frame, unit length, facing the camera.
+
+    Raises
+    ------
+    InputError
+        A shape or dtype is wrong, or a depth is not finite and positive.
+    """
+    if depth.shape != camera.shape or not (np.isfinite(depth) & (depth > 0)).all():
+        raise InputError(f"depth: expected {camera.shape} finite and positive in metres, got shape {depth.shape}")
+    if sky.shape != camera.shape or sky.dtype != np.bool_:
+        raise InputError(f"sky: expected {camera.shape} bool, got {sky.shape} {sky.dtype.name}")
+    inverse, rays = 1 / depth.astype(np.float64), camera.rays()
+    across = affinity(inverse, 1) * (sky[:, 1:] == sky[:, :-1])
+    down = affinity(inverse, 0) * (sky[1:] == sky[:-1])
+    plane, trust = local_planes(inverse, rays, camera.K[[0, 1], [0, 1]], across=across, down=down)
+    trust *= _believe(plane, inverse, rays) * ~sky
+    evidence = plane * (trust / np.linalg.norm(plane, axis=-1))[..., None]
+    evidence[..., 2] += FACING
+
+    coarse = _unit(smooth(evidence, across=COARSE**2 * across, down=COARSE**2 * down), rays)
+    reach2 = np.clip(REACH * camera.K[0, 0] * inverse, *REACH_LIMITS) ** 2
+    across *= _pairs(reach2, 1) * _turn(coarse, 1)
+    down *= _pairs(reach2, 0) * _turn(coarse, 0)
+    normal = _unit(smooth(evidence, across=across, down=down), rays)
     normal[sky] = -rays[sky] / np.linalg.norm(rays[sky], axis=-1, keepdims=True)
     return normal.astype(np.float32)

@@ -60,12 +60,13 @@ def _colour_index(rgb: NDArray[np.uint8]) -> NDArray[np.int64]:
 def _colour_odds(index: NDArray[np.int64], lane: Mask, verge: Mask) -> Image:
     """Log odds of road by colour, from the histograms of the lane ahead and of what stands or grows beside it."""
     histograms = []
-    for region in (lane, verge):
+    # The higher floor of the verge makes a colour that neither shows count against the road.
+    for region, floor in ((lane, 2e-5), (verge, 2e-4)):
         counts = np.bincount(index[region], minlength=8 * 16 * 16).astype(np.float32).reshape(8, 16, 16)
         for axis in range(3):
             kernel = np.array([1, 2, 1], np.float32) / 4
             counts = np.apply_along_axis(np.convolve, axis, counts, kernel, mode="same")
-        histograms.append((counts / max(counts.sum(), 1) + 2e-5).ravel())
+        histograms.append((counts / max(counts.sum(), 1) + floor).ravel())
     odds = np.clip(np.log(histograms[0] / histograms[1]), -2.5, 2.5)
     return np.asarray(odds[index], dtype=np.float32)
 
@@ -157,7 +158,7 @@ def road_mask(
         return np.zeros(camera.shape, dtype=np.bool_)
     height = ground.height(surface).astype(np.float32)
     low = (height < 1.0) & (surface @ ground.normal < 0) & ~sky
-    lane = (np.abs(surface[..., 0]) < 1.5) & (depth < 20) & (np.abs(height) < 0.08) & low
+    lane = (np.abs(surface[..., 0]) < 1.5) & (depth < NEAR) & (np.abs(height) < 0.08) & low
     verge = (height > 0.15) & (height < 1.85) & (depth < NEAR) & ~sky
     if np.count_nonzero(verge) >= SAMPLE * verge.size:
         odds = _height_odds(height, depth) + _level_odds(normal, ground, depth)

@@ -24,6 +24,7 @@ DARKEST_SKY = 0.30  # sRGB value under which a daylight sky does not fall
 SMOOTH = 0.025  # largest standard deviation over 5x5 px where sky is certain (sRGB value)
 TOLERANCE = 0.06  # largest deviation from the sky colour of the neighbourhood (sRGB value)
 SEED_AREA = 3e-4  # smallest certain region, as a fraction of the picture
+BEAM_STEP = 0.025  # [rad] largest angle between a laser's neighbouring beams (1.33 degrees with 32 of them)
 GAP_REACH = 0.04  # how far from open sky a gap in a crown is still believed, as a fraction of the width
 
 
@@ -38,13 +39,16 @@ def _components(mask: Mask) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     return np.asarray(labels, dtype=np.int32), np.asarray(stats, dtype=np.int32)
 
 
-def _returns(camera: Camera, points: NDArray[np.float32] | None) -> Mask:
-    """Pixels hit by a laser return."""
-    hit = np.zeros(camera.shape, dtype=np.bool_)
-    if points is not None:
-        row, column, _ = pixels_of(points, camera)
-        hit[row, column] = True
-    return hit
+def _struck(camera: Camera, points: NDArray[np.float32] | None) -> Mask:
+    """Pixels at laser returns and between a return and the next one above it in the column."""
+    hit = np.zeros(camera.shape, dtype=np.uint8)
+    if points is None:
+        return hit > 0
+    row, column, _ = pixels_of(points, camera)
+    hit[row, column] = 1
+    wide = cv2.dilate(hit, np.ones((5, 5), np.uint8))
+    step = np.ones((round(BEAM_STEP * camera.K[1, 1]) + 1, 1), np.uint8)
+    return np.asarray(cv2.morphologyEx(wide, cv2.MORPH_CLOSE, step) > 0, dtype=np.bool_)
 
 
 def _candidates(image: Image, camera: Camera) -> Mask:
@@ -101,19 +105,18 @@ def _spread(image: Image, certain: Mask) -> Image:
     return spread
 
 
-def _keep(matched: Mask, certain: Mask, hit: Mask) -> Mask:
-    """Regions that join certain sky, or lie near it and not lower than it; none that the laser hit over and over."""
+def _keep(matched: Mask, certain: Mask) -> Mask:
+    """Regions that join certain sky, or lie near it and not lower than it."""
     labels, stats = _components(matched)
     area = np.maximum(stats[:, cv2.CC_STAT_AREA], 1)
     joined = np.bincount(labels[certain], minlength=len(stats)) > 0
-    struck = np.bincount(labels[hit], minlength=len(stats)) > 0.01 * area
     distance = cv2.distanceTransform((~(joined[labels] & matched)).astype(np.uint8), cv2.DIST_L2, 3)
     nearest = np.full(len(stats), np.inf)
     np.minimum.at(nearest, labels.ravel(), distance.ravel())
     lowest = np.flatnonzero(certain.any(axis=1)).max(initial=0)
     higher = stats[:, cv2.CC_STAT_TOP] + stats[:, cv2.CC_STAT_HEIGHT] <= lowest
     near = (nearest < GAP_REACH * matched.shape[1]) & higher & (area >= 2e-5 * matched.size)
-    keep = (joined | near) & ~struck
+    keep = joined | near
     keep[0] = False
     return np.asarray(keep[labels], dtype=np.bool_)
 
@@ -142,9 +145,7 @@ def sky_mask(rgb: NDArray[np.uint8], *, camera: Camera, points: NDArray[np.float
     if rgb.dtype != np.uint8 or rgb.shape != (*camera.shape, 3):
         raise InputError(f"rgb: expected {(*camera.shape, 3)} uint8, got {rgb.shape} {rgb.dtype.name}")
     image = (rgb.astype(np.float32) / np.float32(255)).astype(np.float32)
-    hit = _returns(camera, points)
-    near_hit = cv2.dilate(hit.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    candidate = _candidates(image, camera) & ~near_hit
+    candidate = _candidates(image, camera) & ~_struck(camera, points)
     certain = _certain(image, candidate)
     if not certain.any():
         return certain
@@ -153,4 +154,4 @@ def sky_mask(rgb: NDArray[np.uint8], *, camera: Camera, points: NDArray[np.float
     size = 2 * round(camera.width / 620) + 1
     kernel = np.ones((size, size), np.uint8)
     opened = cv2.morphologyEx((matched | certain).astype(np.uint8), cv2.MORPH_OPEN, kernel) > 0
-    return _keep(opened, certain & opened, hit)
+    return _keep(opened, certain & opened)

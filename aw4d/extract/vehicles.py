@@ -29,7 +29,7 @@ WHEEL_RADIUS = 0.32  # [m]
 NEAR_PLANE = 0.1  # [m]
 CELL = 0.25  # [m] side of the cells in which returns are gathered
 AHEAD = 45.0  # [m] beyond it a car is a handful of returns
-ASIDE = 12.0  # [m] beyond it the ground need not be level with the lane
+ASIDE = 8.0  # [m] beyond it the ground need not be level with the lane
 
 
 def _is_vehicle(box: Box) -> bool:
@@ -57,13 +57,14 @@ def _solids(box: Box) -> list[Array]:
     """Corners, object frame [m], of the convex solids that make up a generic vehicle of the box's size."""
     length, height, width = box.size
     bottom = -height / 2
+    floor = bottom + min(CLEARANCE, 0.15 * height)
     if set(box.category.lower().split(".")) & LARGE:
-        return [_slab(length / 2, -length / 2, bottom + 2 * CLEARANCE, height / 2, width / 2), *_wheels(box)]
+        return [_slab(length / 2, -length / 2, bottom + 0.15 * height, height / 2, width / 2), *_wheels(box)]
     belt = bottom + 0.58 * height
     body = np.concatenate(
         [
-            _slab(0.50 * length, -0.50 * length, bottom + CLEARANCE, bottom + 0.45 * height, 0.33 * width),
-            _slab(0.40 * length, -0.42 * length, bottom + CLEARANCE, bottom + 0.45 * height, 0.48 * width),
+            _slab(0.50 * length, -0.50 * length, floor, bottom + 0.45 * height, 0.33 * width),
+            _slab(0.40 * length, -0.42 * length, floor, bottom + 0.45 * height, 0.48 * width),
             _slab(0.46 * length, -0.48 * length, belt, belt, 0.42 * width),
         ]
     )
@@ -78,11 +79,12 @@ def _solids(box: Box) -> list[Array]:
 
 def _wheels(box: Box) -> list[Array]:
     length, height, width = box.size
+    radius, half_width = min(WHEEL_RADIUS, 0.25 * height), min(0.1, 0.1 * width)
     turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-    tread = np.array([[x, y, z] for z in (-0.1, 0.1) for x, y in zip(np.cos(turn), np.sin(turn), strict=True)])
-    tread[:, :2] *= WHEEL_RADIUS
-    hubs = [(x * length, WHEEL_RADIUS - height / 2, z) for x in (-0.3, 0.3) for z in (0.1 - width / 2, width / 2 - 0.1)]
-    return [tread + np.array(hub) for hub in hubs]
+    rim = [(radius * np.cos(t), radius * np.sin(t), z) for t in turn for z in (-half_width, half_width)]
+    side = width / 2 - half_width
+    hubs = [(x * length, radius - height / 2, z) for x in (-0.3, 0.3) for z in (-side, side)]
+    return [np.array(rim) + np.array(hub) for hub in hubs]
 
 
 def _outline(corners: Array, camera: Camera) -> NDArray[np.int32] | None:
@@ -174,7 +176,7 @@ def _cluster_box(points: Array, ground: GroundPlane, camera: Camera, track_id: i
     """
     heading, centre, sides = _fit_rectangle(points[:, [0, 2]])
     tall = float(ground.height(points).max())
-    if not (1.2 <= sides.max() <= 5.5 and sides.min() <= 2.3 and 1.15 <= tall <= 2.2):
+    if not (1.2 <= sides.max() <= 5.5 and sides.min() <= 2.3 and 1.15 <= tall <= 2.0):
         return None
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     along = int(np.argmax(sides) if sides.max() > 2.5 else np.argmax(np.abs(axes @ centre)))
@@ -187,6 +189,13 @@ def _cluster_box(points: Array, ground: GroundPlane, camera: Camera, track_id: i
     pose[:3, 3] = middle + ground.normal * (tall / 2 - float(ground.height(middle)))
     size = (float(sides[along]), tall, float(sides[1 - along]))
     return Box(track_id=track_id, category="car", object_to_world=camera.camera_to_world @ pose, size=size)
+
+
+def _tapers(points: Array, height: Array) -> bool:
+    """Whether the top is narrower than the rest, as cars' cabins are and slabs, containers and hedges are not."""
+    azimuth, tall = points[:, 0] / points[:, 2], height.max()
+    top, rest = azimuth[height > 0.75 * tall], azimuth[height < 0.6 * tall]
+    return bool(len(rest) > 0 and np.ptp(top) < 0.9 * np.ptp(rest))
 
 
 def _is_foliage(points: Array, rgb: NDArray[np.uint8], camera: Camera) -> bool:
@@ -208,9 +217,12 @@ def _found(
     p = points[free]
     number = max((box.track_id for box in known), default=-1) + 1
     boxes: list[Box] = []
-    for members in sorted(_clusters(p, ground.height(p)), key=lambda m: float(np.mean(p[m, 0] / p[m, 2]))):
+    height = ground.height(p)
+    for members in sorted(_clusters(p, height), key=lambda m: float(np.mean(p[m, 0] / p[m, 2]))):
         found = _cluster_box(p[members], ground, camera, number + len(boxes))
-        if found is not None and not _is_foliage(p[members], rgb, camera):
+        if found is None or _is_foliage(p[members], rgb, camera):
+            continue
+        if _tapers(p[members], height[members]):
             boxes.append(found)
     return boxes
 

@@ -34,7 +34,7 @@ def _segments(picture: NDArray[np.uint8]) -> Array:
     found = cv2.HoughLinesP(cv2.Canny(grey, 50, 150), 1, np.pi / 360, 30, minLineLength=width // 25, maxLineGap=4)
     if found is None:
         return np.empty((0, 4))
-    lines = np.asarray(found, dtype=np.float64).reshape(-1, 4) + (0, top, 0, top)
+    lines = np.asarray(found, dtype=np.float64).reshape(-1, 4) + np.array([0, top, 0, top])
     slope = np.abs(np.arctan2(lines[:, 3] - lines[:, 1], lines[:, 2] - lines[:, 0]))
     slope = np.minimum(slope, np.pi - slope)
     # Level lines are backs of cars and bridges, upright ones are poles: neither points along the road.

@@ -22,7 +22,7 @@ from aw4d.io.kitti_geometry import (
     read_boxes,
     read_calibration,
 )
-from aw4d.io.source import Source, check_size, clean_points
+from aw4d.io.source import LEVEL, Source, check_size, clean_points
 
 LICENCE = (
     "KITTI Vision Benchmark Suite, CC BY-NC-SA 3.0 (non-commercial); "
@@ -149,7 +149,7 @@ def _times(path: Path, frames: list[int]) -> NDArray[np.float64]:
 def _poses(drive: _Drive) -> tuple[NDArray[np.float64], tuple[float, float, float], list[Path]]:
     folder = drive.folder / "oxts" / "data"
     if not folder.is_dir():
-        return np.tile(np.eye(4), (len(drive.frames), 1, 1)), (0.0, 0.0, 0.0), []
+        return np.tile(LEVEL, (len(drive.frames), 1, 1)), (0.0, 0.0, 0.0), []
     imu = find_calibration(drive.folder, IMU_FILE)
     if imu is None:
         raise InputError(f"{drive.folder}: has oxts but no {IMU_FILE}, in its parent folder or in itself")
@@ -203,7 +203,9 @@ def open_kitti(drive: Path, *, labels: Path | None = None) -> Source:
             "rgb": f"image_02, frames {files.frames[0]} to {files.frames[-1]}",
             "points": "velodyne_points, in the camera frame",
             "K": "P_rect_02",
-            "camera_to_world": "oxts (Mercator), y up, about the first camera" if oxts else "none: identity",
+            "camera_to_world": "oxts (Mercator), y up, about the first camera"
+            if oxts
+            else "none: a level, still camera",
             "boxes": label_file.name if label_file else "none",
         },
         approximations=[UNCORRECTED] if oxts else [UNCORRECTED, STILL],

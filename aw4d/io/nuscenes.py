@@ -47,9 +47,9 @@ class _Keyframe:
         data = read_bytes(self.scan)
         if len(data) % (4 * self.features):
             raise InputError(f"{self.scan}: expected {4 * self.features} bytes a return, got {len(data)} (truncated?)")
-        scan = clean_points(
-            np.frombuffer(data, dtype="<f4").reshape(-1, self.features)[:, :4] / np.float32([1, 1, 1, 255])
-        )
+        scan = np.frombuffer(data, dtype="<f4").reshape(-1, self.features)[:, :4].copy()
+        scan[:, 3] /= 255  # intensity is stored as 0 to 255
+        scan = clean_points(scan)
         scan[:, :3] = scan[:, :3] @ self.lidar_to_camera[:3, :3].T + self.lidar_to_camera[:3, 3]
         return scan
 
@@ -104,6 +104,21 @@ def _keyframes(folder: Path, path: Path) -> tuple[list[_Keyframe], dict[int, str
         ) from error
 
 
+def _all_keyframes(folder: Path, infos: list[Path]) -> tuple[list[_Keyframe], dict[int, str]]:
+    """Keyframes of all info files in order of time, and the names of the categories."""
+    if not infos:
+        raise InputError(f"{folder}: expected nuScenes info files (*.pkl), got none")
+    keyframes: list[_Keyframe] = []
+    names: dict[int, str] = {}
+    for path in infos:
+        found, categories = _keyframes(folder, path)
+        keyframes += found
+        names |= categories
+    if not keyframes:
+        raise InputError(f"{folder}: expected at least one keyframe in {infos[0].name}, got none")
+    return sorted(keyframes, key=lambda keyframe: keyframe.time), names
+
+
 def _box(instance: dict[str, Any], track_id: int, names: dict[int, str], lidar_to_world: Array) -> Box:
     x, y, z, length, width, height, yaw = (float(value) for value in instance["bbox_3d"][:7])
     # The scanner's z is up; (x, y, z) is the box's centre, and yaw turns from its x to its y.
@@ -147,17 +162,7 @@ def open_nuscenes(folder: Path) -> Source:
     """
     folder = Path(folder)
     infos = listed(folder, (".pkl",))
-    if not infos:
-        raise InputError(f"{folder}: expected nuScenes info files (*.pkl), got none")
-    keyframes: list[_Keyframe] = []
-    names: dict[int, str] = {}
-    for path in infos:
-        found, categories = _keyframes(folder, path)
-        keyframes += found
-        names |= categories
-    if not keyframes:
-        raise InputError(f"{folder}: expected at least one keyframe in {infos[0].name}, got none")
-    keyframes.sort(key=lambda keyframe: keyframe.time)
+    keyframes, names = _all_keyframes(folder, infos)
     height, width = read_rgb(keyframes[0].image).shape[:2]
     poses, origin = about_first(np.stack([keyframe.camera_to_world for keyframe in keyframes]))
     try:

@@ -25,22 +25,28 @@ def _latin1(text: str, encoding: str) -> bytes:
 # NumPy's own makers of arrays and scalars, asked from NumPy since their module was renamed in version 2.
 _ARRAY: Any = np.zeros(1).__reduce__()[0]
 _SCALAR: Any = np.float64(0).__reduce__()[0]
+_BUFFER: Any = np.zeros(1).__reduce_ex__(5)[0]
 _ADMITTED: dict[tuple[str, str], Callable[..., Any]] = {
+    ("builtins", "set"): set,
+    ("builtins", "frozenset"): frozenset,
+    ("builtins", "bytearray"): bytearray,
     ("collections", "OrderedDict"): OrderedDict,
     ("_codecs", "encode"): _latin1,
     ("numpy", "dtype"): np.dtype,
     ("numpy", "ndarray"): np.ndarray,
-} | {
-    (f"numpy.{core}.multiarray", name): function
-    for core in ("core", "_core")
-    for name, function in (("_reconstruct", _ARRAY), ("scalar", _SCALAR))
+    ("numpy.core.multiarray", "_reconstruct"): _ARRAY,
+    ("numpy.core.multiarray", "scalar"): _SCALAR,
+    ("numpy.core.numeric", "_frombuffer"): _BUFFER,
+    ("numpy._core.multiarray", "_reconstruct"): _ARRAY,
+    ("numpy._core.multiarray", "scalar"): _SCALAR,
+    ("numpy._core.numeric", "_frombuffer"): _BUFFER,
 }
 
 
 class _Unpickler(pickle.Unpickler):
     def find_class(self, module: str, name: str) -> Any:
         try:
-            return _ADMITTED[module, name]
+            return _ADMITTED[module.replace("__builtin__", "builtins"), name]  # Python 2's name
         except KeyError:
             raise pickle.UnpicklingError(f"{module}.{name} is not plain data") from None
 

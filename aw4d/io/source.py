@@ -16,6 +16,9 @@ MAX_RANGE = 1e4  # [m] a return from farther is a fault of the file
 # Recordings have their world x east, y north, z up; here y is up, and z south keeps it right-handed.
 Y_UP_FROM_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
+# A level camera: its y points down, the world's up; the world's z then points backwards.
+LEVEL = np.diag([1.0, -1.0, -1.0, 1.0])
+
 
 def no_points(index: int) -> None:
     """Points of a recording that has none."""

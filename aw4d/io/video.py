@@ -57,17 +57,22 @@ def read_video(path: Path) -> Iterator[NDArray[np.uint8]]:
         The file is no video, is truncated or damaged; the message has the number of frames read.
     """
     path = Path(path)
-    count = 0
+    count = packets = 0
     with _open(path) as container:
-        container.streams.video[0].thread_type = "AUTO"
+        stream = container.streams.video[0]
+        stream.thread_type = "AUTO"
         try:
-            for frame in container.decode(video=0):
-                if frame.is_corrupt:
-                    raise InputError(f"{path}: damaged after {count} frames")
-                yield _picture(frame)
-                count += 1
+            for packet in container.demux(stream):
+                packets += packet.size > 0
+                for frame in packet.decode():
+                    if frame.is_corrupt:
+                        raise InputError(f"{path}: damaged after {count} frames")
+                    yield _picture(frame)
+                    count += 1
         except av.error.FFmpegError as error:
             raise InputError(f"{path}: damaged or truncated after {count} frames ({error.strerror})") from error
+        if packets < stream.frames:  # the index promises more than the file holds
+            raise InputError(f"{path}: truncated after {count} of {stream.frames} frames")
 
 
 def _times(path: Path) -> NDArray[np.float64]:

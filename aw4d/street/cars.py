@@ -19,6 +19,7 @@ from aw4d.street.shapes import Point, Quadric, Solid, box_planes, rod
 HALF_LENGTH, BELT, HALF_WIDTH = 2.2, 0.93, 0.86  # of the template's body [m]
 MIRROR_REACH = 1.0  # half of the width that is claimed by the box: the mirrors stick out of the body
 WHEEL_X, WHEEL_RADIUS = 1.36, 0.33
+SLACK = 0.002  # [m] of a box, so that points on the car's outermost faces stay inside in single precision
 
 PAINTS: tuple[Point, ...] = (
     (0.62, 0.63, 0.64),
@@ -67,21 +68,22 @@ class Car:
 
     @property
     def size(self) -> tuple[float, float, float]:
-        """Length, height and width of the box [m]; the width includes the mirrors."""
+        """Length, height and width of the box [m], with `SLACK` on every side; the width includes the mirrors."""
         sx, sy, sz = self.scale
-        return 2 * HALF_LENGTH * sx, STYLES[self.style].roof * sy, 2 * MIRROR_REACH * sz
+        tight = 2 * HALF_LENGTH * sx, STYLES[self.style].roof * sy, 2 * MIRROR_REACH * sz
+        return tight[0] + 2 * SLACK, tight[1] + 2 * SLACK, tight[2] + 2 * SLACK
 
     @property
     def object_to_world(self) -> NDArray[np.float64]:
         """Pose of the box: x forward, y up, z right, origin at its centre."""
         pose = np.diag([float(self.heading), 1.0, float(self.heading), 1.0])
-        pose[:3, 3] = self.x, self.size[1] / 2, self.z
+        pose[:3, 3] = self.x, self.size[1] / 2 - SLACK, self.z
         return pose
 
 
 def random_car(track: int, x: float, z: float, heading: int) -> Car:
     """A car whose size, style and paint follow from its track number."""
-    random = Random(track * 7919 + 17)
+    random = Random(track * 7919 + 5)
     style = random.choices((0, 1, 2), (4, 4, 3))[0]
     scale = (random.uniform(0.93, 1.06), random.uniform(0.97, 1.05), random.uniform(0.97, 1.03))
     return Car(track, x, z, heading, scale, style, PAINTS[int(random.random() * len(PAINTS))])
@@ -122,10 +124,11 @@ def _plane(x0: float, y0: float, x1: float, y1: float) -> tuple[Point, float]:
 
 
 def _body(style: Style) -> Solid:
-    """Lower body: hood, tail, chamfered bumpers, and an elliptic cylinder that rounds its corners seen from above."""
+    """Lower body: hood, tail, chamfered bumpers, and rounded corners."""
     low, high = (-HALF_LENGTH, 0.20, -HALF_WIDTH), (HALF_LENGTH, 0.97, HALF_WIDTH)
     foot = style.screen_foot
-    planes = box_planes(low, high) + (
+    planes = (
+        *box_planes(low, high),
         _plane(foot - 0.1, 0.965, HALF_LENGTH - 0.15, style.hood),
         _plane(HALF_LENGTH - 0.28, style.hood + 0.02, HALF_LENGTH, 0.56),
         _plane(HALF_LENGTH, 0.40, HALF_LENGTH - 0.20, 0.20),
@@ -134,15 +137,20 @@ def _body(style: Style) -> Solid:
         ((0.0, 0.20, 0.98), 0.98 * HALF_WIDTH + 0.20 * 0.70),
         ((0.0, 0.20, -0.98), 0.98 * HALF_WIDTH + 0.20 * 0.70),
     )
-    plan = Quadric((0.0, 0.0, 0.0), ((1 / 2.66, 0.0, 0.0), (0.0, 0.0, 1 / 0.985)))
-    return Solid((low, high), planes, (plan,))
+    return Solid((low, high), planes, (_plan(1.0),))
+
+
+def _plan(share: float) -> Quadric:
+    """Elliptic cylinder that rounds a car's corners seen from above."""
+    return Quadric((0.0, 0.0, 0.0), ((1 / (2.66 * share), 0.0, 0.0), (0.0, 0.0, 1 / (0.985 * share))))
 
 
 def _cabin(style: Style) -> Solid:
     """Glass house: slanted screens, sides that lean in, and an ellipsoid that crowns the roof."""
     low, high = (style.rear_foot, 0.90, -0.80), (style.screen_foot, style.roof, 0.80)
     lean = math.atan2(0.17, style.roof - BELT)
-    planes = box_planes(low, high) + (
+    planes = (
+        *box_planes(low, high),
         _plane(style.screen_top, style.roof, style.screen_foot, BELT),
         _plane(style.rear_foot, BELT, style.rear_top, style.roof),
         ((0.0, math.sin(lean), math.cos(lean)), math.cos(lean) * 0.79 + math.sin(lean) * BELT),
@@ -152,7 +160,7 @@ def _cabin(style: Style) -> Solid:
     crown = Quadric(
         (middle, 0.0, 0.0), ((1 / 3.6, 0.0, 0.0), (0.0, 1 / (style.roof + 0.01), 0.0), (0.0, 0.0, 1 / 1.45))
     )
-    return Solid((low, high), planes, (crown,))
+    return Solid((low, high), planes, (crown, _plan(0.93)))
 
 
 def _place(solid: Solid, car: Car) -> Solid:

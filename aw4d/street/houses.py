@@ -74,7 +74,9 @@ def _walls(low: Point, high: Point, side: int, openings: Openings, colour: Point
 def _front_extras(grid: Openings, z: float, side: int, colour: Point, seed: int, random: Random) -> list[Part]:
     """What stands out of a front: a door step, and an oriel or an awning on some."""
     door = grid.start + (grid.door + 0.5) * grid.pitch
-    parts = [Part(shape=_block(door - 0.8, door + 0.8, 0.0, grid.base, z, side, 0.45), material=Material.WALL, colour=STONE)]
+    parts = [
+        Part(shape=_block(door - 0.8, door + 0.8, 0.0, grid.base, z, side, 0.45), material=Material.WALL, colour=STONE)
+    ]
     kind = random.random()
     other = (grid.door + 1 + random.randrange(grid.bays - 1)) % grid.bays
     middle = grid.start + (other + 0.5) * grid.pitch
@@ -83,7 +85,15 @@ def _front_extras(grid: Openings, z: float, side: int, colour: Point, seed: int,
         foot, top = grid.base + STOREY - 0.15, grid.base + grid.floors * STOREY - 0.25
         solid = _block(middle - half, middle + half, foot, top, z, side, 0.75)
         window = replace(
-            grid, start=middle - half, base=foot + 0.15, pitch=2 * half, bays=1, floors=grid.floors - 1, door=-1, recess=0.08, width=1.5 * half
+            grid,
+            start=middle - half,
+            base=foot + 0.15,
+            pitch=2 * half,
+            bays=1,
+            floors=grid.floors - 1,
+            door=-1,
+            recess=0.08,
+            width=1.5 * half,
         )
         parts.append(_walls(*solid.bounds, side, window, colour, seed))
         lid = _block(middle - half - 0.1, middle + half + 0.1, top, top + 0.12, z, side, 0.85)
@@ -151,7 +161,17 @@ def _dormer(x: float, y: float, z: float, side: int, seed: int) -> list[Part]:
     """A window in the roof: a small box with one opening under a flat lid."""
     z0, z1 = sorted((z, z + side * 2.6))
     window = Openings(
-        start=x - 0.75, base=y, pitch=1.5, storey=1.5, bays=1, floors=1, width=0.95, height=1.1, sill=0.2, door=-1, recess=0.1
+        start=x - 0.75,
+        base=y,
+        pitch=1.5,
+        storey=1.5,
+        bays=1,
+        floors=1,
+        width=0.95,
+        height=1.1,
+        sill=0.2,
+        door=-1,
+        recess=0.1,
     )
     walls = _walls((x - 0.75, y, z0), (x + 0.75, y + 1.5, z1), side, window, (0.66, 0.64, 0.60), seed & ~1)
     lid = box((x - 0.9, y + 1.5, z0 - 0.15), (x + 0.9, y + 1.6, z1 + 0.15))

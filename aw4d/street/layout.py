@@ -12,9 +12,9 @@ from functools import lru_cache
 from random import Random
 
 from aw4d.street.cars import Car, car_parts, random_car
+from aw4d.street.houses import house
 from aw4d.street.parts import Material, Part
 from aw4d.street.plants import hedge, tree
-from aw4d.street.houses import house
 from aw4d.street.shapes import Point, Solid, box, box_planes, ellipsoid, rod
 
 SPEED = 10.0  # [m/s] of the camera, and of the cars on average
@@ -31,6 +31,8 @@ FRONT = 9.2  # from the middle of the road to the house fronts [m]
 GROUND_END = 1500.0  # the earth ends here: a horizon with a finite depth [m]
 BEHIND, AHEAD = 45.0, 300.0  # what is built around the camera [m]; behind it for the shadows
 LAMP_STEP, LAMP_HEIGHT = 24.0, 7.4
+FIRST_LAMP = 10.0  # x of one on the right; the step divides a block, so all stay clear of the crossings
+TREE_STEP, FIRST_TREE = 12.0, 7.5  # along a block; midway between the lamps
 FIRST_PARKED, FIRST_COPY = 100, 20
 CORNER = 1.6  # cut off the pavement's corners [m]
 
@@ -77,7 +79,7 @@ def _ground() -> list[Part]:
     for block in _blocks():
         x0, x1 = _block_span(block)
         for side in (-1, 1):
-            parts.append(Part(shape=_slab(x0, x1, side), material=Material.PAVEMENT, origin=(x0, 0.0, 0.0), size=(x1, 0, 0)))
+            parts.append(Part(shape=_slab(x0, x1, side), material=Material.PAVEMENT, origin=(x0, 0.0, 0.0)))
     return parts
 
 
@@ -98,7 +100,6 @@ def _houses(block: int, side: int) -> list[Part]:
     x0, x1 = _block_span(block)
     x, end = x0 + 3.6, x1 - 3.6
     parts: list[Part] = []
-    number = 0
     while end - x > 6:
         width = random.uniform(8.0, 12.5)
         if end - x - width < 7:
@@ -108,7 +109,6 @@ def _houses(block: int, side: int) -> list[Part]:
         if front > FRONT:
             parts += hedge(x + 0.3, x + width - 0.3, side * (FRONT + 0.5), KERB, random)
         x += width + random.choice((0.0, 0.0, 3.0))
-        number += 1
     return parts
 
 
@@ -117,19 +117,23 @@ def _plants(block: int, side: int) -> list[Part]:
     random = Random((block % 2) * 2 + (side > 0) + 900)
     x0, x1 = _block_span(block)
     parts: list[Part] = []
-    x = x0 + 9.0 + (4.0 if side > 0 else 0.0)
+    x = x0 + FIRST_TREE
     while x < x1 - 7:
         if random.random() < 0.6:
             parts += tree((x, KERB, side * 6.7), random)
-        x += 12.0
+        x += TREE_STEP
     return parts
 
 
 def _lamp_places() -> list[tuple[float, int]]:
-    """World x and side of every street lamp, from the nearest on."""
-    count = int((LOOP + AHEAD + BEHIND) / LAMP_STEP)
-    first = -48.0
-    return [(first + 2.0 + n * LAMP_STEP + (0 if side > 0 else LAMP_STEP / 2), side) for n in range(count) for side in (-1, 1)]
+    """World x and side of every street lamp, in the order of their ids; the two sides alternate."""
+    first = LAMP_STEP * math.floor(-BEHIND / LAMP_STEP) + FIRST_LAMP
+    count = math.ceil((LOOP + AHEAD - first) / LAMP_STEP)
+    places = []
+    for number in range(count):
+        x = first + number * LAMP_STEP
+        places += [(x - LAMP_STEP / 2, -1), (x, 1)]
+    return places
 
 
 def _lamp_head(x: float, side: int) -> Point:
@@ -154,7 +158,8 @@ def _lamp(number: int, x: float, side: int) -> list[Part]:
         (ellipsoid(head, (0.17, 0.10, 0.38)), Material.LAMP_HEAD),
     )
     return [
-        Part(shape=solid, material=material, colour=grey, origin=head, street_light=number) for solid, material in solids
+        Part(shape=solid, material=material, colour=grey, origin=head, street_light=number)
+        for solid, material in solids
     ]
 
 
@@ -166,15 +171,21 @@ def _furniture(block: int, side: int) -> list[Part]:
     parts: list[Part] = []
     for number in range(4):
         x = x0 + 15 + number * 25 + random.uniform(-3, 3)
-        parts.append(Part(shape=rod((x, KERB, z), (x, 2.65, z), 0.035), material=Material.METAL, colour=(0.4, 0.41, 0.42)))
+        parts.append(
+            Part(shape=rod((x, KERB, z), (x, 2.65, z), 0.035), material=Material.METAL, colour=(0.4, 0.41, 0.42))
+        )
         face = (x - side * 0.05, 2.45, z)
         disc = rod((x - side * 0.04, 2.45, z), (x - side * 0.06, 2.45, z), 0.26)
         parts.append(Part(shape=disc, material=Material.SIGN, origin=face, heading=-side, size=(0.26, 0, 0)))
         x += random.uniform(5, 9)
         bin_ = rod((x, KERB, z), (x, KERB + 0.9, z), 0.22)
-        parts.append(Part(shape=bin_, material=Material.METAL, colour=random.choice(((0.05, 0.14, 0.07), (0.5, 0.22, 0.02)))))
+        parts.append(
+            Part(shape=bin_, material=Material.METAL, colour=random.choice(((0.05, 0.14, 0.07), (0.5, 0.22, 0.02))))
+        )
     for x in (x0 + 1.9, x0 + 3.4, x0 + 4.9, x1 - 3.4, x1 - 4.9):
-        parts.append(Part(shape=rod((x, KERB, z), (x, KERB + 1.0, z), 0.06), material=Material.METAL, colour=(0.06, 0.06, 0.065)))
+        parts.append(
+            Part(shape=rod((x, KERB, z), (x, KERB + 1.0, z), 0.06), material=Material.METAL, colour=(0.06, 0.06, 0.065))
+        )
     return parts
 
 
@@ -185,7 +196,9 @@ def _signals(block: int) -> list[Part]:
     for side, x, heading in ((1, x1 - 1.9, -1), (-1, x1 + 2 * CROSSING_HALF + 1.9, 1)):
         z = side * (ROAD_HALF + 0.5)
         dark = (0.035, 0.04, 0.04)
-        parts.append(Part(shape=rod((x, KERB, z), (x, 3.75, z), 0.06), material=Material.METAL, colour=(0.1, 0.11, 0.11)))
+        parts.append(
+            Part(shape=rod((x, KERB, z), (x, 3.75, z), 0.06), material=Material.METAL, colour=(0.1, 0.11, 0.11))
+        )
         low, high = (x - 0.14, 2.75, z - 0.17), (x + 0.14, 3.70, z + 0.17)
         parts.append(
             Part(shape=box(low, high), material=Material.SIGNAL, colour=dark, origin=(x, 3.22, z), heading=heading)

@@ -17,7 +17,7 @@ _SIDE = 256  # cells until a lattice repeats
 
 
 def _hash_table() -> NDArray[np.float32]:
-    """Uniform numbers in [0, 1), one a cell: a 32-bit integer mixer (Wellons 2018, "lowbias32") of the cell's number."""
+    """Uniform numbers in [0, 1), one a cell: the cell's number through a 32-bit mixer (Wellons 2018, "lowbias32")."""
     h = np.arange(_SIDE * _SIDE, dtype=np.uint32) + np.uint32(0x9E3779B9)
     h = (h ^ (h >> np.uint32(16))) * np.uint32(0x7FEB352D)
     h = (h ^ (h >> np.uint32(15))) * np.uint32(0x846CA68B)

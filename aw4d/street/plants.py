@@ -25,7 +25,11 @@ def tree(foot: Point, random: Random) -> list[Part]:
     parts = [_wood(foot, (x, fork[1] + 0.3, z), random.uniform(0.14, 0.2), random)]
     for number in range(4):
         angle = number * math.pi / 2 + random.uniform(-0.5, 0.5)
-        end = (x + 0.6 * spread * math.cos(angle), crown[1] + random.uniform(-0.1, 0.5), z + 0.6 * spread * math.sin(angle))
+        end = (
+            x + 0.6 * spread * math.cos(angle),
+            crown[1] + random.uniform(-0.1, 0.5),
+            z + 0.6 * spread * math.sin(angle),
+        )
         parts.append(_wood(fork, end, 0.07, random))
     for number in range(CLUMPS):
         parts.append(_clump(number, CLUMPS, crown, (spread, rise, spread), colour, random))
@@ -33,7 +37,9 @@ def tree(foot: Point, random: Random) -> list[Part]:
 
 
 def _wood(start: Point, end: Point, radius: float, random: Random) -> Part:
-    return Part(shape=rod(start, end, radius), material=Material.BARK, colour=(0.13, 0.10, 0.075), seed=random.randrange(999))
+    return Part(
+        shape=rod(start, end, radius), material=Material.BARK, colour=(0.13, 0.10, 0.075), seed=random.randrange(999)
+    )
 
 
 def _clump(number: int, count: int, crown: Point, radii: Point, colour: Point, random: Random) -> Part:
@@ -50,7 +56,7 @@ def _clump(number: int, count: int, crown: Point, radii: Point, colour: Point, r
     size = random.uniform(0.65, 1.1)
     shade = random.uniform(0.85, 1.2)
     seed = random.randrange(9999)
-    shell = Leaves(centre, (size, 0.75 * size, size), 0.075, seed)
+    shell = Leaves(centre, (size, 0.75 * size, size), 0.065, seed)
     tint = (colour[0] * shade, colour[1] * shade, colour[2] * shade)
     return Part(shape=shell, material=Material.LEAVES, colour=tint, origin=crown, size=radii, seed=seed)
 
@@ -65,6 +71,13 @@ def hedge(x0: float, x1: float, z: float, ground: float, random: Random) -> list
         shell = Leaves(centre, (0.85, 0.62, 0.5), 0.07, seed)
         middle = (centre[0], ground + 0.2, z)
         parts.append(
-            Part(shape=shell, material=Material.LEAVES, colour=(0.07, 0.14, 0.03), origin=middle, size=(0.85, 0.7, 0.5), seed=seed)
+            Part(
+                shape=shell,
+                material=Material.LEAVES,
+                colour=(0.07, 0.14, 0.03),
+                origin=middle,
+                size=(0.85, 0.7, 0.5),
+                seed=seed,
+            )
         )
     return parts

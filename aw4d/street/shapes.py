@@ -210,7 +210,7 @@ class Openings:
     door_height: float = 2.25
 
     def around(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Edges (x low, x high, y low, y high) of the opening of each point's cell, and whether the point lies in it."""
+        """Edges (x low, high, y low, high) of the opening in each point's cell, and whether the point is in it."""
         bay = np.clip(np.floor((x - self.start) / self.pitch), 0, self.bays - 1)
         floor = np.clip(np.floor((y - self.base) / self.storey), 0, self.floors - 1)
         door = (bay == self.door) & (floor == 0)
@@ -268,7 +268,9 @@ class House(Solid):
         """See `Shape`: from inside a recess the sky is seen through the opening alone."""
         blocked = super().blocks(rays)
         depth = (self._front - rays.origin[2]) * self._facing
-        within = blocked & (depth >= 0) & (depth <= self.openings.recess + 1e-3) & (rays.direction[2] * self._facing > 0)
+        within = (
+            blocked & (depth >= 0) & (depth <= self.openings.recess + 1e-3) & (rays.direction[2] * self._facing > 0)
+        )
         inside = np.flatnonzero(within)
         if inside.size:
             sub = rays.take(inside)
@@ -318,7 +320,7 @@ class Leaves:
         return (x - a, y - b, z - c), (x + a, y + b, z + c)
 
     def _roots(self, rays: Rays) -> tuple[Array, Array]:
-        """Where rays meet the near and the far sides of the layers, in order, (2, N) each; NaN where a layer is missed."""
+        """Where rays meet the layers' near sides and far sides, in order, (2, N) each; NaN where a layer is missed."""
         a: Any = 0.0
         b: Any = 0.0
         c: Any = 0.0
@@ -341,13 +343,17 @@ class Leaves:
 
     def _first_leaf(self, rays: Rays, roots: Array, layers: tuple[int, int]) -> Array:
         """The first of two roots at which there is a leaf, (2, N) to (N,); infinite where there is none."""
-        order, ray = np.nonzero(roots > 0)
-        t = roots[order, ray]
-        gaps = np.array([LAYERS[layer][1] for layer in layers])[order]
-        leafy = leaf_value(rays.take(ray).at(t), self.leaf, self.seed) >= gaps
-        found = np.full(roots.shape, np.inf)
-        found[order[leafy], ray[leafy]] = t[leafy]
-        return found.min(axis=0)
+        count = roots.shape[1]
+        flat = roots.ravel()
+        tried = np.flatnonzero(flat > 0)
+        second = tried >= count
+        t = flat[tried]
+        points = rays.take(tried - count * second).at(t)
+        gaps = np.where(second, LAYERS[layers[1]][1], LAYERS[layers[0]][1])
+        leafy = leaf_value(points, self.leaf, self.seed) >= gaps
+        found = np.full(flat.shape, np.inf)
+        found[tried[leafy]] = t[leafy]
+        return np.minimum(found[:count], found[count:])
 
     def blocks(self, rays: Rays) -> Array:
         """See `Shape`."""
@@ -362,12 +368,13 @@ class Leaves:
 def leaf_value(points: Vector, leaf: float, seed: int) -> Array:
     """Number in [0, 1) of the leaf at each point: a lattice of leaves within a coarser one of sprigs.
 
-    The lattice is sheared and bent, so that its axes do not show.
+    The lattice is turned and bent, so that its axes do not show.
     """
     x, y, z = (c.astype(np.float32) * np.float32(1 / leaf) for c in points)
     bend = np.float32(0.7) * np.sin(np.float32(0.8) * (x + y + z))
-    half = np.float32(0.6)
-    i, j, k = cell(x + half * y + bend), cell(y + half * z - bend), cell(z + half * x + bend)
+    i = cell(0.80 * x + 0.36 * y - 0.48 * z + bend)
+    j = cell(-0.60 * x + 0.48 * y - 0.64 * z - bend)
+    k = cell(0.80 * y + 0.60 * z + bend)
     fine = cell_value3(i, j, k, seed)
     coarse = cell_value3(i >> 2, j >> 2, k >> 2, seed + 1)
     return 0.72 * fine + 0.28 * coarse

@@ -22,7 +22,8 @@ from aw4d.street.sky import SUN
 Array = NDArray[Any]
 
 NEAR = 0.05  # [m] nothing of the street comes nearer to the eye
-SUN_CELL = 2.0  # side of a cell of the sun's grid [m]
+_SUN_CELLS = 60_000  # of the sun's grid, about: under 2^16, so that the sort by cell is a radix sort
+_GROUND = 100.0  # [m] what is larger does not set the extent of the sun's grid
 _LIFT = 1e-3  # [m] a shadow ray starts this far from its surface, towards the sun
 _EDGES = np.array([(a, a | bit) for bit in (1, 2, 4) for a in range(8) if not a & bit])
 
@@ -128,14 +129,17 @@ def sun_blocked(parts: Sequence[Part], points: Array, wanted: Array) -> NDArray[
     low, high = corners.min(axis=2), corners.max(axis=2)
     chosen = np.flatnonzero(wanted)
     flat = turn(axes, points[:, chosen])
-    origin = low[:2].min(axis=1)
-    # Endless ground would make an endless grid; what lies outside the casters' reach goes to the border cells.
-    last_cell = np.minimum(np.ceil((high[:2].max(axis=1) - origin) / SUN_CELL), 254)
+    # Endless ground would make an endless grid; what lies beyond the other casters goes to the border cells.
+    compact = (high - low).max(axis=0) < _GROUND
+    origin = low[:2, compact].min(axis=1)
+    extent = high[:2, compact].max(axis=1) - origin
+    side = float(np.sqrt(extent[0] * extent[1] / _SUN_CELLS))
+    rows, columns = (int(n) + 1 for n in extent / side)
 
     def cells(at: Array) -> NDArray[np.int64]:
-        return np.clip(np.floor((at[:2] - origin[:, None]) / SUN_CELL), 0, last_cell[:, None]).astype(np.int64)
+        number = np.floor((at[:2] - origin[:, None]) / side)
+        return np.clip(number, 0, np.array([[rows - 1], [columns - 1]])).astype(np.int64)
 
-    rows, columns = (int(n) + 1 for n in last_cell)
     row, column = cells(flat)
     order, grid = _sort(row * columns + column, rows, columns)
     height = flat[2, order]  # towards the sun [m]; infinite once the point is settled
@@ -157,7 +161,7 @@ def turn(matrix: Array, v: Array) -> Array:
 
 
 def _sort(cell: Array, rows: int, columns: int) -> tuple[Array, Grid]:
-    """Order of rays by cell, and their grid; fewer than 2^16 cells, so that the sort is a radix sort."""
+    """Order of rays by cell, and their grid; cells below 2^16 are sorted by radix."""
     order = np.argsort(cell.astype(np.uint16), kind="stable")
     starts = np.zeros(rows * columns + 1, np.int64)
     np.cumsum(np.bincount(cell, minlength=rows * columns), out=starts[1:])
