@@ -141,6 +141,51 @@ def nuscenes(
     _ingest(open_nuscenes(src), out, overwrite)
 
 
+@ingest_app.command("frames")
+def frames_(
+    src: Annotated[Path, typer.Argument(help="Folder with rgb/, depth/ and any other planes' folders.")],
+    out: OutClip,
+    focal_px: Annotated[float | None, typer.Option(help="Focal length [px], without intrinsics.json.")] = None,
+    fov_deg: Annotated[
+        float | None, typer.Option(help="Horizontal field of view, instead of the focal length.")
+    ] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second, without times.txt.")] = 10.0,
+    depth_scale: Annotated[
+        float | None, typer.Option(help="Metres in one unit (default: PNG 1/256, else 1).")
+    ] = None,
+    relative_depth: Annotated[bool, typer.Option(help="Depth is known up to scale and bias; it is aligned.")] = False,
+    camera_height_m: Annotated[float | None, typer.Option(help="Camera above the road [m].")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Folders of pictures and planes, paired by file name: rgb/ and depth/, optionally normal/, albedo/, sky/, …"""
+    from aw4d.io.frames import open_frames
+
+    source = open_frames(
+        src,
+        focal_px=focal_px,
+        fov_deg=fov_deg,
+        fps=fps,
+        depth_scale=depth_scale,
+        relative_depth=relative_depth,
+        camera_height_m=camera_height_m,
+    )
+    _ingest(source, out, overwrite)
+
+
+@ingest_app.command()
+def video(
+    src: Annotated[Path, typer.Argument(help="A video of one camera that looks ahead over a road.")],
+    out: OutClip,
+    camera_height_m: Annotated[float, typer.Option(help="Camera above the road [m].")] = 1.5,
+    fov_deg: Annotated[float, typer.Option(help="Horizontal field of view.")] = 60.0,
+    overwrite: Overwrite = False,
+) -> None:
+    """A video and nothing else: depth from the ground plane, which is crude; says what is approximate."""
+    from aw4d.io.video import open_video
+
+    _ingest(open_video(src, camera_height_m=camera_height_m, fov_deg=fov_deg), out, overwrite)
+
+
 @app.command()
 def info(clip: ClipPath, as_json: Json = False) -> None:
     """Say what a clip holds, its ranges and calibration, and what is missing."""

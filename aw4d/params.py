@@ -122,8 +122,10 @@ class HeadlightParams(Params):
 
     on: bool = param(True, "", "whether they burn", "", host=True)
     candela: float = param(20_000.0, "cd", "the luminous intensity on the axis", "UN R149 low beam", low=0, high=1e6)
+    # Deep dusk, so that the beams show in a bright fog: at g = 0.8 the phase function sends back a fraction of what
+    # droplets do, and a recording by day has no exposure that would fit lamps.
     white_cd_m2: float = param(
-        100.0, "cd/m2", "the luminance that the picture shows as white", "a dull, foggy morning", low=1e-3, high=1e6
+        12.0, "cd/m2", "the luminance that the picture shows as white", "docs/fog.md", low=1e-3, high=1e6
     )
     color: RGB = param((1.0, 0.93, 0.82), "linear", "the colour of the lamps", "warm white", low=0, high=1)
     spacing_m: float = param(1.3, "m", "the distance between the lamps", "", low=0, high=3)

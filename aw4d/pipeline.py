@@ -69,8 +69,8 @@ class Plan:
 def environment_color(clip: Clip) -> RGB:
     """Mean radiance of the surroundings, half sky and half ground as the clip shows them; grey where it shows neither.
 
-    Its luminance (Rec. 709) in all three channels: the picture's sky is blue because the sun is not in it, while fog is lit
-    by both and looks white.
+    Its luminance (Rec. 709) in all three channels: the picture's sky is blue because the sun is not in it, while fog is
+    lit by both and looks white.
     """
     seen = list(clip.info.environment.values())
     if not seen:

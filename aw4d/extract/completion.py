@@ -33,9 +33,9 @@ RING_NOISE = 0.01  # relative range noise, generously
 
 JUMP_RATIO = 1.15  # a triangle whose corners differ by more spans two surfaces
 ON_GROUND, STANDING = 0.2, 0.4  # [m] above the ground plane; a triangle with corners of both kinds does so too
-NEIGHBOURS = 6  # returns that a pixel between two surfaces chooses from
+NEIGHBOURS = 16  # returns that a pixel between two surfaces chooses from
 SAME_SURFACE = 0.1  # relative difference of inverse depth within a surface
-SHARPNESS = 0.5  # share of the choice, against the smooth estimate, which errs less where the image shows no edge
+SHARPNESS = 0.7  # share of the choice, against the smooth estimate, which errs less where the image shows no edge
 ARRIVED_MIN = 1e-6  # share of a return that must reach a pixel to decide there
 RIM = 10  # rows at the end of the scan that are carried on
 
@@ -166,7 +166,7 @@ def _honour_returns(inverse: Array, scan: _Scan) -> Array:
 def _guide(rgb: NDArray[np.uint8], blur: float) -> NDArray[np.float32]:
     """CIE Lab image (H, W, 3), lightly blurred: texture finer than that says nothing about surfaces."""
     lab = cv2.cvtColor(rgb.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
-    return np.asarray(cv2.GaussianBlur(lab, (0, 0), blur), dtype=np.float32)
+    return np.asarray(cv2.GaussianBlur(lab, (0, 0), blur) if blur else lab, dtype=np.float32)
 
 
 def _affinity(guide: NDArray[np.float32], sky: Mask, sigma: float) -> tuple[Array, Array]:
@@ -183,7 +183,7 @@ def _resolve_jumps(
 
     Where no return is near enough to decide, nothing is known.
     """
-    across, down = _affinity(_guide(rgb, 0.6), sky, 30.0)
+    across, down = _affinity(_guide(rgb, 0.6), sky, 20.0)
     estimate, arrived = spread(*_splat(scan), across=10 * across, down=3 * down)
     decide = jump & (arrived > ARRIVED_MIN)
     inverse = inverse.copy()
@@ -201,7 +201,7 @@ def _extend(inverse: Array, known: Mask, ground: Array, *, rgb: NDArray[np.uint8
 
     Zero where nothing is connected to the scan.
     """
-    across, down = _affinity(_guide(rgb, 1.5), sky, 8.0)
+    across, down = _affinity(_guide(rgb, 1.0), sky, 8.0)
     top, bottom = _rim(known, np.s_[::1]), _rim(known, np.s_[::-1])
     above, _ = spread(inverse, top.astype(np.float64), across=300 * across, down=10000 * down)
     below, reached = spread(inverse - ground, bottom.astype(np.float64), across=300 * across, down=300 * down)

@@ -31,8 +31,8 @@ class Light:
     direction
         The way the light travels; any length but 0; of no meaning for a point.
     intensity
-        Linear RGB: radiant intensity of points and spots, irradiance of directional lights, on the image's scale (a white
-        diffuser under irradiance pi shows as 1).
+        Linear RGB: radiant intensity of points and spots, irradiance of directional lights, on the image's scale (a
+        white diffuser under irradiance pi shows as 1).
     inner_deg, outer_deg
         A spot's half angles: full brightness, darkness [deg].
     r_max_m
@@ -57,7 +57,7 @@ class Light:
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS or self.frame not in ("world", "camera"):
-            raise InputError(f"light: expected kind in {KINDS} and frame world or camera, got {self.kind}, {self.frame}")
+            raise InputError(f"light: expected kind in {KINDS}, frame world or camera, got {self.kind}, {self.frame}")
         for name in ("position", "direction", "intensity"):
             value = getattr(self, name)
             if len(value) != 3 or not np.isfinite(value).all():
@@ -68,7 +68,7 @@ class Light:
             raise InputError(f"light direction: expected a vector that is not zero, got {self.direction}")
         if self.kind == "spot" and not 0 < self.inner_deg < self.outer_deg < 90:
             raise InputError(
-                f"spot cone: expected 0 < inner < outer < 90 degrees (half angles), got {self.inner_deg}, {self.outer_deg}"
+                f"spot cone: expected half angles 0 < inner < outer < 90 deg, got {self.inner_deg}, {self.outer_deg}"
             )
         if not 0 < self.r_max_m < 1e9:
             raise InputError(f"light r_max_m: expected a reach in (0, 1e9) m, got {self.r_max_m}")
