@@ -16,7 +16,7 @@ from aw4d import opencl
 from aw4d.backend import Planes, check_names, frame_arguments
 from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
-from aw4d.lights.light import LightArrays
+from aw4d.lights.light import LightArrays, balls
 from aw4d.params import CONVENTIONS, Params
 from aw4d.passes import PASSES
 from reference_numpy.sampling import gauss_legendre
@@ -131,7 +131,8 @@ class OpenCLBackend:
             padded = np.pad(planar, ((0, 0), (0, 0), (0, pitch - width)), mode="edge")
             buffers[name] = self._to_device(name, padded.view(np.uint8) if padded.dtype == np.bool_ else padded)
         arguments: dict[str, Any] = {"light_count": len(lights)}
-        for name, value in frame_arguments(frame, lights).items():
+        given = frame_arguments(frame, lights) | {"light_ball": balls(lights)}
+        for name, value in given.items():
             arguments[name] = self._to_device(name, value) if np.ndim(value) else value
         planes = OpenCLPlanes(
             shape=(height, width), pitch=pitch, buffers=buffers, layers=frozenset(layers), arguments=arguments

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rich.console import Console
+from rich.markup import escape
 
 from aw4d import opencl
 from aw4d.errors import InputError
@@ -23,19 +24,22 @@ def report(console: Console) -> bool:
     bool
         Whether any device works.
     """
+
+    def say(text: str) -> None:
+        console.print(text, highlight=False, soft_wrap=True)
+
     try:
         found = opencl.devices()
     except InputError as error:
-        console.print(str(error), style="red")
+        say(f"[red]{escape(str(error))}[/]")
         found = ()
     for r in found:
-        console.print(f"[bold]{r.index}[/]  {r.name}", highlight=False)
-        console.print(f"   {r.platform}, {r.version}; {r.kind}, {r.units} units, vectors of {r.width}", highlight=False)
-        verdict = "[green]works[/]: a kernel was built and ran" if r.usable else f"[red]refused[/]: {r.problem}"
-        verdict = "[green]works[/]: a kernel was built and ran" if r.usable else f"[red]refused[/]: {r.problem}"
-        console.print(f"   {verdict}", highlight=False)
+        say(f"[bold]{r.index}[/]  {escape(r.name)}")
+        say(f"   {escape(r.platform)}, {escape(r.version)}; {r.kind}, {r.units} units, vectors of {r.width}")
+        works = "[green]works[/]: a kernel was built and ran"
+        say("   " + (works if r.usable else f"[red]refused[/]: {escape(r.problem)}"))
     if not any(r.usable for r in found):
-        console.print(HOW_TO_GET_ONE)
+        say(HOW_TO_GET_ONE)
         return False
-    console.print(f"auto takes {opencl.choose().index}: {opencl.choose().label}", highlight=False, soft_wrap=True)
+    say(f"auto takes {opencl.choose().index}: {escape(opencl.choose().label)}")
     return True

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 import os
 import sys
 import tempfile
@@ -17,6 +18,7 @@ import numpy as np
 
 from aw4d.errors import InputError
 
+log = logging.getLogger("aw4d")
 WIDTHS = (1, 4, 8, 16)
 _SYSTEM_VENDORS = Path("/etc/OpenCL/vendors")
 # Intel's runtime from PyPI lies in <prefix>/lib, where the dynamic loader does not look for what it depends on.
@@ -41,8 +43,12 @@ def load() -> ModuleType:
     intel = _intel_library()
     if intel is None or "OCL_ICD_VENDORS" in os.environ or "pyopencl" in sys.modules:
         return _import_pyopencl()
-    for name in _INTEL_NEEDS:
-        ctypes.CDLL(str(intel.with_name(name)), mode=ctypes.RTLD_GLOBAL)
+    try:
+        for name in _INTEL_NEEDS:
+            ctypes.CDLL(str(intel.with_name(name)), mode=ctypes.RTLD_GLOBAL)
+    except OSError as error:
+        log.warning("Intel's OpenCL runtime is left out, it needs the package intel-cmplr-lib-rt (%s)", error)
+        return _import_pyopencl()
     with tempfile.TemporaryDirectory(prefix="aw4d-icd-") as folder:
         (Path(folder) / "intel-pypi.icd").write_text(f"{intel}\n")
         for icd in _SYSTEM_VENDORS.glob("*.icd"):
@@ -180,7 +186,7 @@ def choose(index: int | None = None) -> DeviceReport:
         There is no such device, or it does not work, or none does; says which and why.
     """
     reports = devices()
-    if index is not None:
+    if index is not None and reports:
         if not 0 <= index < len(reports):
             raise InputError(f"--device: expected 0 to {len(reports) - 1}, got {index} (see `aw4d doctor`)")
         if not reports[index].usable:

@@ -8,6 +8,7 @@
  * neither of which cancels where the ray all but meets the lamp. Where the light shines away from the eye the angle nears
  * pi and float32 loses the difference to it: there `flip` is set and a is the scattering angle's supplement.
  */
+#include "include/exp.h"
 #include "include/phase.h"
 #include "include/trig.h"
 #include "include/vec.h"
@@ -29,53 +30,79 @@ typedef struct {
 } Lamp;
 
 /* Angular falloff S of t = (cos - cos_outer) / (cos_inner - cos_outer): clamped to [0, 1] before squaring. */
-inline floatw cone(const floatw t)
+static inline floatw cone(const floatw t)
 {
     const floatw c = clamp(t, 0.0f, 1.0f);
     return c * c;
 }
 
 /* Distance window W = (1 - (r / r_max)^4)^2 of t = 1 - (r / r_max)^2: clamped at 0 before squaring. */
-inline floatw window(const floatw t)
+static inline floatw window(const floatw t)
 {
     const floatw w = fmax(fma(-t, t, 2.0f * t), 0.0f);
     return w * w;
 }
 
 /* The printed in-scatter: phase and attenuated light at the surface at range s. */
-inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw s, const float g)
+static inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw s, const float g)
 {
     const floatw vx = fma(x, s, -lamp.px), vy = fma(y, s, -lamp.py), vz = fma(z, s, -lamp.pz);
     const floatw r2 = fma(vx, vx, fma(vy, vy, fma(vz, vz, EPSILON)));
     const floatw inv = 1.0f / sqrt(r2);
     const floatw mu = -fma(x, vx, fma(y, vy, z * vz)) * inv;
-    floatw light = henyey_greenstein(0.5f - 0.5f * mu, 0.5f + 0.5f * mu, g) * window(fmax(fma(-r2, lamp.inv_reach2, 1.0f), 0.0f)) / r2;
+    floatw light = henyey_greenstein(mu, g) * window(fmax(fma(-r2, lamp.inv_reach2, 1.0f), 0.0f)) / r2;
     if (lamp.cos_outer >= 0.0f)
         light *= cone((fma(vx, lamp.dx, fma(vy, lamp.dy, vz * lamp.dz)) * inv - lamp.cos_outer) * lamp.inv_cone);
     return light;
 }
 
-/* Integrand at the node whose half angle is that of (sm, cm) plus that of (sn, cn); (sl, cl) and (sh, ch) are the half
- * angles from the cone's two sides, so that cos - cos_outer = 2 R sin(..) sin(..) keeps its digits at the cone's edge. */
-inline floatw node(
-    const Lamp lamp, const floatw D, const floatw reach2, const floatw t0, const intw flip,
-    const float extinction, const float g, const floatw gain,
-    const floatw sm, const floatw cm, const floatw sl, const floatw cl, const floatw sh, const floatw ch,
-    const floatw sn, const floatw cn)
+/* What the nodes of one ray and one light have in common. (sm, cm): sine and cosine of half the scattering angle in the
+ * stretch's middle. (sl, cl), (sh, ch): of half the angles from the cone's two sides to it, the first times
+ * 2 R / (cos_inner - cos_outer), so that cos - cos_outer = 2 R sin(..) sin(..) keeps its digits at the cone's edge. */
+typedef struct {
+    floatw sm, cm, sl, cl, sh, ch;
+    floatw half_D;       /* D / (2 r_max) */
+    floatw fade_D;       /* -sigma_t D */
+    floatw fade_t0;      /* -sigma_t t0 */
+} Stretch;
+
+/* Light from a node but for the phase function; inv is 1 / (s c) of half its scattering angle. No clamp at 0 where rounding
+ * alone goes below: S and W are squares. */
+static inline floatw node_light(const Stretch a, const bool spot, const floatw sn, const floatw cn, const floatw s, const floatw inv)
 {
-    const floatw s = fma(sm, cn, cm * sn), c = fma(cm, cn, -sm * sn);
-    const floatw s2 = SELECTW(flip, c * c, s * s), c2 = SELECTW(flip, s * s, c * c); /* of the scattering angle */
-    const floatw inv = 1.0f / (s * c);
-    const floatw u = 0.5f * D * inv * (c2 - s2); /* along the ray, from its closest approach: r^2 = D^2 + u^2 */
-    const floatw t = fmax(fma(-u, u, reach2), 0.0f) * lamp.inv_reach2;
-    floatw light = henyey_greenstein(s2, c2, g) * window(t) * exp(-extinction * fma(D * s2, inv, t0));
-    if (lamp.cos_outer >= 0.0f)
-        light *= cone(gain * fma(sl, cn, cl * sn) * fma(sh, cn, -ch * sn));
-    return light;
+    const floatw r = a.half_D * inv;    /* of r_max */
+    const floatw q = r * r;
+    floatw w = fma(-q, q, 1.0f);        /* distance window W is w^2 */
+    if (spot)
+        w *= fmin(fma(a.sl, cn, a.cl * sn) * fma(a.sh, cn, -a.ch * sn), 1.0f); /* angular falloff S, too */
+    return w * w * exp_negative(fma(a.fade_D * (s * s), inv, a.fade_t0));
+}
+
+/* The two nodes at -+ (sn, cn) from the middle; one division serves both and their phase functions. */
+static inline floatw node_pair(const Stretch a, const bool spot, const floatw sn, const floatw cn, const float g)
+{
+    const floatw sa = fma(a.sm, cn, -a.cm * sn), ca = fma(a.cm, cn, a.sm * sn);
+    const floatw sb = fma(a.sm, cn, a.cm * sn), cb = fma(a.cm, cn, -a.sm * sn);
+    const floatw qa = phase_q15(sa, ca, g), qb = phase_q15(sb, cb, g);
+    const floatw sca = sa * ca, scb = sb * cb;
+    const floatw da = qa * sca, db = qb * scb;
+    const floatw inv = 1.0f / (da * db);
+    const floatw ia = inv * db, ib = inv * da; /* 1 / da, 1 / db */
+    const floatw la = node_light(a, spot, -sn, cn, sa, ia * qa);
+    const floatw lb = node_light(a, spot, sn, cn, sb, ib * qb);
+    return fma(la, ia * sca, lb * (ib * scb));
+}
+
+/* Component of a spot's axis along the way from the ray's closest approach to the lamp, times the distance D: no digits are
+ * lost where D << |position|. */
+static inline floatw axis_across(
+    const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw ax, const floatw ay, const floatw az)
+{
+    return -((y * az - z * ay) * lamp.dx + (z * ax - x * az) * lamp.dy + (x * ay - y * ax) * lamp.dz);
 }
 
 /* Single-scattering integral along the rays (x, y, z), equiangular (Kulla and Fajardo 2012). */
-inline floatw along_ray(
+static inline floatw along_ray(
     const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw s,
     const float extinction, const float g,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
@@ -87,40 +114,47 @@ inline floatw along_ray(
     const floatw az = lamp.px * y - lamp.py * x;
     const floatw D2 = fma(ax, ax, fma(ay, ay, fma(az, az, EPSILON)));
     const floatw reach2 = lamp.reach2 - D2;
+    const bool spot = lamp.cos_outer >= 0.0f;
+    intw lit = reach2 > 0.0f;
+    intw flip = t0 < 0.0f;
+    floatw c = 0.0f, inside = 0.0f;
+    if (spot) {
+        /* The cosine to the spot's axis at angle a is k sin(a) + |c| cos(a) = R cos(a - middle), and the ray meets the cone
+         * where R^2 > cos_outer^2; inside is D^2 times the difference. A narrow cone's R is near 1: there R^2 = 1 - m^2 / D^2,
+         * with m the axis' component along `across`, keeps the digits that decide a grazing ray. */
+        c = fma(x, lamp.dx, fma(y, lamp.dy, z * lamp.dz));
+        if (lamp.cos_outer > M_SQRT1_2_F) {
+            const floatw m = fma(ax, lamp.dx, fma(ay, lamp.dy, az * lamp.dz));
+            inside = fma(lamp.sin2_outer, D2, -m * m) - EPSILON * fma(-c, c, 1.0f);
+        } else {
+            const floatw k = axis_across(lamp, x, y, z, ax, ay, az);
+            inside = fma(fma(c, c, -lamp.cos_outer * lamp.cos_outer), D2, k * k);
+        }
+        lit &= inside > 0.0f;
+        flip = c > 0.0f;
+    }
+    if (!ANYW(lit))
+        return 0.0f;
     const floatw reach = sqrt(fmax(reach2, 0.0f)); /* along the ray, on both sides of its closest approach */
-    intw lit = (reach2 > 0.0f) & (t0 - s < reach) & (t0 > -reach);
+    lit &= (t0 - s < reach) & (t0 > -reach);
     if (!ANYW(lit))
         return 0.0f;
 
-    const floatw D = sqrt(D2);
+    const floatw inv_D = rsqrt(D2), D = D2 * inv_D;
     const floatw near = fmin(t0, reach), far = fmax(t0 - s, -reach);
-    intw flip = t0 < 0.0f;
     floatw middle = 0.0f, half_cone = 0.0f, gain = 0.0f;
-    if (lamp.cos_outer >= 0.0f) {
-        /* The cosine to the spot's axis at angle a is k sin(a) + |c| cos(a) = R cos(a - middle), and the ray meets the cone
-         * where inside = R^2 - cos_outer^2 > 0. A narrow cone's R^2 is near 1: there R^2 = 1 - m^2, with m the axis'
-         * component along `across`, keeps the digits that decide a grazing ray. */
-        const floatw c = fma(x, lamp.dx, fma(y, lamp.dy, z * lamp.dz));
-        const floatw k = -((y * az - z * ay) * lamp.dx + (z * ax - x * az) * lamp.dy + (x * ay - y * ax) * lamp.dz) / D;
-        const floatw R2 = fma(c, c, k * k);
-        floatw inside = R2 - lamp.cos_outer * lamp.cos_outer;
-        if (lamp.cos_outer > M_SQRT1_2_F) {
-            const floatw m = fma(ax, lamp.dx, fma(ay, lamp.dy, az * lamp.dz)) / D;
-            inside = fma(-m, m, lamp.sin2_outer) - EPSILON / D2 * (1.0f - c * c);
-        }
-        lit &= (inside > 0.0f);
-        if (!ANYW(lit))
-            return 0.0f;
-        flip = c > 0.0f;
-        middle = copysign(atan2_upper(fabs(k), fabs(c)), k);
-        half_cone = atan2_upper(sqrt(fmax(inside, 0.0f)), (floatw)(lamp.cos_outer));
-        gain = 2.0f * lamp.inv_cone * sqrt(R2);
+    if (spot) {
+        const floatw k = axis_across(lamp, x, y, z, ax, ay, az);
+        const floatw root = sqrt(fmax(inside, 0.0f));
+        middle = copysign(atan2_quarter(fabs(k), fabs(c) * D), k);
+        half_cone = atan2_quarter(root, lamp.cos_outer * D);
+        gain = 2.0f * lamp.inv_cone * sqrt(fma(inside * inv_D, inv_D, lamp.cos_outer * lamp.cos_outer));
     }
     /* The angle that the stretch subtends, by the tangent of a difference: a short one would be lost between two angles. */
     const floatw length = SELECTW((near == t0) & (far == t0 - s), s, near - far);
     floatw spread = atan2_upper(D * length, fma(near, far, D2));
     floatw low = atan2_upper(D, SELECTW(flip, -far, near)) - middle;
-    if (lamp.cos_outer >= 0.0f) {
+    if (spot) {
         const floatw high = fmin(low + spread, half_cone);
         const intw clipped = (low < -half_cone) | (low + spread > half_cone);
         low = fmax(low, -half_cone);
@@ -133,19 +167,41 @@ inline floatw along_ray(
     /* from here on all angles are halved */
     spread = 0.5f * fmax(spread, 0.0f);
     const floatw centre = fma(0.5f, low, 0.5f * spread);
-    floatw cm, cl = 1.0f, ch = 1.0f, sl = 0.0f, sh = 0.0f, total = 0.0f;
-    const floatw sm = sincos_quarter(fma(0.5f, middle, centre), &cm);
-    if (lamp.cos_outer >= 0.0f) {
+    Stretch a;
+    floatw s_mid, c_mid, cl = 1.0f, ch = 1.0f, sl = 0.0f, sh = 0.0f;
+    s_mid = sincos_quarter(fma(0.5f, middle, centre), &c_mid);
+    if (spot) {
         sl = sincos_quarter(fmax(fma(0.5f, half_cone, centre), 0.0f), &cl);
         sh = sincos_quarter(fmax(fma(0.5f, half_cone, -centre), 0.0f), &ch);
     }
+    /* the supplement swaps sine and cosine of the half angle, and the stretch's two ends */
+    a.sm = SELECTW(flip, c_mid, s_mid);
+    a.cm = SELECTW(flip, s_mid, c_mid);
+    a.sl = gain * SELECTW(flip, sh, sl);
+    a.cl = gain * SELECTW(flip, ch, cl);
+    a.sh = SELECTW(flip, sl, sh);
+    a.ch = SELECTW(flip, cl, ch);
+    a.half_D = 0.5f * D * sqrt(lamp.inv_reach2);
+    a.fade_D = -extinction * D;
+    a.fade_t0 = -extinction * t0;
+    floatw total = 0.0f;
     for (int i = 0; i < node_pairs; i++) {
         floatw cn;
         const floatw sn = sincos_eighth(0.5f * node_x[i] * spread, &cn);
-        total = fma(node_w[i], node(lamp, D, reach2, t0, flip, extinction, g, gain, sm, cm, sl, cl, sh, ch, -sn, cn)
-                             + node(lamp, D, reach2, t0, flip, extinction, g, gain, sm, cm, sl, cl, sh, ch, sn, cn), total);
+        total = fma(node_w[i], node_pair(a, spot, sn, cn, g), total);
     }
-    return SELECTW(lit, total * spread / D, 0.0f);
+    return SELECTW(lit, total * spread * inv_D * phase_scale(g), 0.0f);
+}
+
+/* Whether no ray of the bundle around the unit vector b, of lengths s, meets the ball (centre, radius) that holds a lamp's
+ * light: a few scalar operations instead of a vector's. The slack of 1e-3 covers rounding: culling changes no pixel. */
+static inline bool misses(const float4 ball, const float3 b, const float half_angle, const floatw s)
+{
+    const float far2 = dot(ball.xyz, ball.xyz);
+    const float t = dot(ball.xyz, b);
+    const float slack = (half_angle + 1e-3f) * (sqrt(far2) + ball.w);
+    const float miss2 = t > 0.0f ? fma(-t, t, far2) : far2;
+    return miss2 > (ball.w + slack) * (ball.w + slack) || !ANYW(s > t - ball.w - slack);
 }
 
 __kernel void fog(
@@ -168,6 +224,7 @@ __kernel void fog(
     __global const float *restrict light_cos_inner,
     __global const float *restrict light_cos_outer,
     __global const float *restrict light_r_max,         /* [m] */
+    __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
     __global const float *restrict node_x,              /* upper half of the abscissae on [-1, 1] */
     __global const float *restrict node_w,
     const int node_pairs,
@@ -196,18 +253,22 @@ __kernel void fog(
 
     const float scattering = alpha * sigma_s;
     const float extinction = alpha * (sigma_s + sigma_a);
-    const floatw T = exp(-extinction * s);
-    const floatw opacity = -expm1(-extinction * s);
+    const floatw T = exp_negative(-extinction * s);
+    const floatw opacity = one_minus_exp(extinction * s, T);
 
+    const float3 bundle = normalize((float3)((u0 + 0.5f * (W - 1) - cx) / fx, ky, 1.0f));
+    const float half_angle = 0.5f * (W - 1) / fx;       /* [rad] at most, off the axis less */
     floatw r = 0.0f, g_ = 0.0f, b = 0.0f;
     for (int l = 0; l < light_count; l++) {
         const int kind = light_kind[l];
+        if (kind != DIRECTIONAL && convention != PAPER && misses(vload4(l, light_ball), bundle, half_angle, s))
+            continue;
         const float3 E = vload3(l, light_intensity) * (gamma * scattering);
         const float3 p = vload3(l, light_position), d = vload3(l, light_direction);
         floatw glow;
         if (kind == DIRECTIONAL) {
             const floatw mu = -fma(x, d.x, fma(y, d.y, z * d.z));
-            glow = henyey_greenstein(0.5f - 0.5f * mu, 0.5f + 0.5f * mu, g);
+            glow = henyey_greenstein(mu, g);
             if (convention != PAPER)
                 glow *= extinction > 0.0f ? opacity / extinction : s;
         } else {

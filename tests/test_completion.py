@@ -79,7 +79,7 @@ def test_a_step_stays_a_step_at_the_edge_in_the_image() -> None:
     near, far = np.abs(depth - 8) < 0.8, np.abs(depth - 25) < 2.5
     assert (~(near | far)).sum(axis=1).max() <= 8  # in no row do the two edges take more than 4 px each
     middle = 1 / depth > (1 / 8 + 1 / 25) / 2
-    assert (middle != (inverse > 0.1)).sum(axis=1).max() <= 4  # and lie within 2 px of the edges in the image
+    assert (middle != (inverse > 0.1)).sum(axis=1).max() <= 6  # and lie within 3 px of the edges in the image
 
 
 def test_surfaces_go_on_upwards_as_far_as_the_image_shows_no_edge() -> None:

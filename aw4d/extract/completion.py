@@ -52,9 +52,8 @@ class _Scan:
         plane = _ground_plane(rays[low], self.inverse[low])
         self.ground = camera.rays() @ plane  # (H, W) inverse depth of the ground plane, negative above its horizon
         self.ground_inverse = rays @ plane
-        height = (1 - self.ground_inverse / self.inverse) / max(
-            float(np.linalg.norm(plane)), 1e-9
-        )  # [m] above the ground
+        eye_height = 1 / max(float(np.linalg.norm(plane)), 1e-9)  # [m]
+        height = eye_height * (1 - self.ground_inverse / self.inverse)
         self.on_ground = np.abs(height) < ON_GROUND
         self.standing = height > STANDING
 
@@ -166,7 +165,7 @@ def _honour_returns(inverse: Array, scan: _Scan) -> Array:
 def _guide(rgb: NDArray[np.uint8], blur: float) -> NDArray[np.float32]:
     """CIE Lab image (H, W, 3), lightly blurred: texture finer than that says nothing about surfaces."""
     lab = cv2.cvtColor(rgb.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
-    return np.asarray(cv2.GaussianBlur(lab, (0, 0), blur) if blur else lab, dtype=np.float32)
+    return np.asarray(cv2.GaussianBlur(lab, (0, 0), blur), dtype=np.float32)
 
 
 def _affinity(guide: NDArray[np.float32], sky: Mask, sigma: float) -> tuple[Array, Array]:

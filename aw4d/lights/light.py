@@ -111,6 +111,23 @@ def in_camera(lights: Sequence[Light], camera: Camera) -> LightArrays:
     )
 
 
+def balls(lights: LightArrays) -> NDArray[np.float32]:
+    """Balls (x, y, z, radius) that hold all that each light can reach, (L, 4), camera frame [m].
+
+    A spot's is that of its cone capped by its reach, a point's its reach, a directional light's without end.
+    """
+    reach = lights.light_r_max.astype(np.float64)
+    spot = lights.light_kind == KINDS.index("spot")
+    cos = np.where(spot, lights.light_cos_outer, -1.0).astype(np.float64)
+    narrow, wide = cos > np.sqrt(0.5), (cos > 0) & (cos <= np.sqrt(0.5))
+    # A cone under 45 degrees fits the ball through its apex and its rim, a wider one the ball around its rim.
+    offset = np.where(narrow, reach / (2 * np.maximum(cos, 0.5)), np.where(wide, reach * cos, 0.0))
+    radius = np.where(narrow, offset, np.where(wide, reach * np.sqrt(np.maximum(1 - cos**2, 0)), reach))
+    radius[lights.light_kind == KINDS.index("directional")] = np.inf
+    centre = lights.light_position + offset[:, None] * lights.light_direction
+    return np.concatenate([centre, radius[:, None]], axis=1).astype(np.float32)
+
+
 def read_lights(path: str | Path) -> list[Light]:
     """Lights of a JSON file: a list of objects with the fields of `Light`.
 

@@ -8,7 +8,7 @@
 #include "vec.h"
 
 /* sin(x) and cos(x), 0 <= x <= pi/4; fits to 4e-9 (relative) and 7e-11. */
-inline floatw sincos_eighth(const floatw x, floatw *cos_x)
+static inline floatw sincos_eighth(const floatw x, floatw *cos_x)
 {
     const floatw z = x * x;
     *cos_x = fma(z, fma(z, fma(z, fma(z, 2.4383568e-5f, -1.3886682e-3f), 4.1666619e-2f), -0.5f), 1.0f);
@@ -16,7 +16,7 @@ inline floatw sincos_eighth(const floatw x, floatw *cos_x)
 }
 
 /* sin(x) and cos(x), 0 <= x <= pi/2, by doubling the angle. */
-inline floatw sincos_quarter(const floatw x, floatw *cos_x)
+static inline floatw sincos_quarter(const floatw x, floatw *cos_x)
 {
     floatw c;
     const floatw s = sincos_eighth(0.5f * x, &c);
@@ -24,11 +24,10 @@ inline floatw sincos_quarter(const floatw x, floatw *cos_x)
     return 2.0f * s * c;
 }
 
-/* Angle of (x, y) for y >= 0, not both zero: 0 to pi; fit of atan on [0, 1] to 2e-8 (relative). */
-inline floatw atan2_upper(const floatw y, const floatw x)
+/* Angle of (x, y) for x, y >= 0, not both zero: 0 to pi/2; fit of atan on [0, 1] to 2e-8 (relative). */
+static inline floatw atan2_quarter(const floatw y, const floatw x)
 {
-    const floatw ax = fabs(x);
-    const floatw t = fmin(y, ax) / fmax(y, ax);
+    const floatw t = fmin(y, x) / fmax(y, x);
     const floatw z = t * t;
     floatw p = fma(z, 2.9206697e-3f, -1.6367843e-2f);
     p = fma(z, p, 4.3211732e-2f);
@@ -37,8 +36,14 @@ inline floatw atan2_upper(const floatw y, const floatw x)
     p = fma(z, p, -1.4211054e-1f);
     p = fma(z, p, 1.9993773e-1f);
     p = fma(z, p, -3.3333152e-1f);
-    floatw a = fma(t * z, p, t);
-    a = SELECTW(y > ax, M_PI_2_F - a, a);
+    const floatw a = fma(t * z, p, t);
+    return SELECTW(y > x, M_PI_2_F - a, a);
+}
+
+/* Angle of (x, y) for y >= 0, not both zero: 0 to pi. */
+static inline floatw atan2_upper(const floatw y, const floatw x)
+{
+    const floatw a = atan2_quarter(y, fabs(x));
     return SELECTW(x < 0.0f, M_PI_F - a, a);
 }
 #endif

@@ -14,6 +14,8 @@ typedef int intw;
 #define STOREW(x, p) (*(p) = (x))
 #define LOADMASKW(p) ((int)(*(p) != 0))
 #define LANES 0.0f
+#define as_floatw as_float
+#define as_intw as_int
 #define ANYW(c) (c)
 #else
 #define JOIN_(a, b) a##b
@@ -24,6 +26,8 @@ typedef JOIN(int, W) intw;
 #define STOREW(x, p) JOIN(vstore, W)(x, 0, p)
 #define LOADMASKW(p) (JOIN(convert_int, W)(JOIN(vload, W)(0, p)) != 0)
 #define ANYW(c) any(c)
+#define as_floatw JOIN(as_float, W)
+#define as_intw JOIN(as_int, W)
 #if W == 4
 #define LANES ((floatw)(0, 1, 2, 3))
 #elif W == 8

@@ -1,0 +1,77 @@
+"""Kernels on odd frames at every width, for `oclgrind python -m tests.run_under_oclgrind`; faulty ones as a control."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+import numpy as np
+
+from aw4d import opencl
+from aw4d.backend_opencl import OpenCLBackend
+from aw4d.lights.light import in_camera
+from aw4d.params import FogParams
+from tests.fog_inputs import all_kinds, frame, on, street_lamps
+
+SIZES = ((37, 13), (16, 2), (1, 1))  # width, height [px]
+FAULTY = """
+__kernel void beyond(__global const float *a, __global float *out)
+{
+    const int i = get_global_id(0);
+    out[i] = a[i + 1];
+}
+__kernel void unset(__global const float *a, __global float *out)
+{
+    float values[4];
+    const int i = get_global_id(0);
+    if (values[i % 4] > 0.0f)
+        out[i] = a[i];
+}
+__kernel void race(__global const float *a, __global float *out)
+{
+    out[0] = a[get_global_id(0)] + get_global_id(0);
+}
+"""
+
+
+def simulator() -> opencl.DeviceReport:
+    """Oclgrind's device, which must be the only one."""
+    (report,) = opencl.devices()
+    if report.platform != "Oclgrind" or not report.usable:
+        raise SystemExit(f"expected Oclgrind's simulator, got {report.label}: {report.problem or 'it works'}")
+    return report
+
+
+def fog(convention: str) -> None:
+    """The fog kernel with and without layers, under every kind of light, at every width and some odd sizes."""
+    p = FogParams(color=(0.5, 0.55, 0.6), convention=convention)
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source, lights = frame(columns, rows), [*all_kinds(), *street_lamps(2)]
+            for name, values in on(backend, source, lights, p).items():
+                assert np.isfinite(values).all(), name
+            _without_layers(backend, source, p)
+
+
+def _without_layers(backend: OpenCLBackend, source: Any, p: FogParams) -> None:
+    planes = backend.upload(source, in_camera([], source.camera))
+    backend.run("fog", planes, p)
+    assert np.isfinite(backend.download(planes, ["rgb"])["rgb"]).all()
+
+
+def faulty(name: str) -> None:
+    """A kernel with a fault, which must be reported."""
+    cl = opencl.load()
+    context = cl.Context([simulator().device])
+    queue = cl.CommandQueue(context)
+    kernel = cl.Kernel(cl.Program(context, FAULTY).build(cache_dir=False), name)
+    ones = np.ones(16, dtype=np.float32)
+    a, out = (cl.Buffer(context, cl.mem_flags.COPY_HOST_PTR, hostbuf=ones) for _ in range(2))
+    kernel(queue, ones.shape, None, a, out)
+    queue.finish()
+
+
+if __name__ == "__main__":
+    run, case = {"fog": fog, "faulty": faulty}[sys.argv[1]], sys.argv[2]
+    run(case)

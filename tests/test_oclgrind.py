@@ -1,0 +1,47 @@
+"""No kernel reads or writes out of bounds, uses a value that was never set, or races: run on Oclgrind's simulator."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+@pytest.fixture
+def oclgrind() -> str:
+    """The simulator's launcher, or a skip (a failure under AW4D_REQUIRE_CL) that says how to get it."""
+    found = shutil.which("oclgrind")
+    if found is None:
+        reason = "oclgrind is not installed (Debian: apt-get install oclgrind)"
+        if os.environ.get("AW4D_REQUIRE_CL"):
+            pytest.fail(reason)
+        pytest.skip(reason)
+    return found
+
+
+def _findings(oclgrind: str, log: Path, *case: str) -> str:
+    """What the simulator has to say about one case of `run_under_oclgrind`."""
+    # Unoptimised: the compiler may drop what depends on a value that was never set, and the finding with it.
+    command = [oclgrind, "--uninitialized", "--data-races", "--build-options", "-cl-opt-disable", "--log", str(log)]
+    command += [sys.executable, "-m", "tests.run_under_oclgrind", *case]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return log.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("convention", ["physical", "paper"])
+def test_fog(oclgrind: str, tmp_path: Path, convention: str) -> None:
+    assert _findings(oclgrind, tmp_path / "log", "fog", convention) == ""
+
+
+@pytest.mark.parametrize(
+    ("fault", "finding"), [("beyond", "Invalid read"), ("unset", "uninitialized value"), ("race", "data race")]
+)
+def test_a_faulty_kernel_is_found_out(oclgrind: str, tmp_path: Path, fault: str, finding: str) -> None:
+    assert finding in _findings(oclgrind, tmp_path / "log", "faulty", fault)
