@@ -51,7 +51,7 @@ def _need_device(request: pytest.FixtureRequest) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Run a test that asks for `opencl_backend` on every device and width, one that asks for `opencl_device` on each."""
+    """`opencl_backend` stands for every device at every width, `opencl_device` for every device at its widest."""
     for fixture, first_width_only in (("opencl_backend", False), ("opencl_device", True)):
         if fixture not in metafunc.fixturenames:
             continue

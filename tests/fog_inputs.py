@@ -90,7 +90,7 @@ def reference(source: GBuffer, lights: Sequence[Light], p: FogParams) -> dict[st
 
 
 def inherent_error(source: GBuffer, lights: Sequence[Light], p: FogParams) -> dict[str, NDArray[np.float64]]:
-    """How far each result moves when every input moves by half a float32 ulp (2^-24 of itself), the worst of some draws.
+    """How far each result moves when every input moves by 2^-24 of itself, half a float32 ulp; the worst of some draws.
 
     This is 2^-24 times the condition number, pixel by pixel, measured in float64.
     """

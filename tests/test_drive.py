@@ -1,0 +1,90 @@
+"""The whole way on a real recording: a KITTI drive becomes a clip, the clip a foggy one, on every backend alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from aw4d.clip import Clip
+from aw4d.ingest import ingest
+from aw4d.io.kitti import open_kitti
+from aw4d.params import FogParams
+from aw4d.pipeline import Plan, plan
+from aw4d.render import edit
+from aw4d.weathers import settings
+from tests.kitti_scan import CAR, ROAD, SKY, label_iou
+from tests.test_fog import check
+
+if TYPE_CHECKING:
+    from aw4d.backend_opencl import OpenCLBackend
+
+pytestmark = pytest.mark.clip
+NUMBERS = (20, 40, 60)  # frames of the drive; 20 and 40 have human labels
+FOG = ["fog.visibility_m=60"]
+
+
+@pytest.fixture(scope="session")
+def kitti_clip(kitti_drive: Path, tmp_path_factory: pytest.TempPathFactory) -> Clip:
+    """A clip of three frames of the drive, with its boxes."""
+    copy = tmp_path_factory.mktemp("kitti") / "2011_09_26" / kitti_drive.name
+    for part, suffix in (("image_02", "png"), ("velodyne_points", "bin"), ("oxts", "txt")):
+        (copy / part / "data").mkdir(parents=True)
+        for number in NUMBERS:
+            name = f"{number:010d}.{suffix}"
+            (copy / part / "data" / name).symlink_to(kitti_drive / part / "data" / name)
+        (copy / part / "timestamps.txt").symlink_to(kitti_drive / part / "timestamps.txt")
+    for path in kitti_drive.parent.glob("calib_*.txt"):
+        (copy.parent / path.name).symlink_to(path)
+    source = open_kitti(copy, labels=kitti_drive / "label_02_0003.txt")
+    return ingest(source, copy.parent.parent / "clip", workers=1)
+
+
+@pytest.fixture(scope="session")
+def fog(kitti_clip: Clip) -> Plan:
+    return plan(kitti_clip, "fog", settings(FOG))
+
+
+@pytest.mark.parametrize(("index", "number"), [(0, 20), (1, 40)])
+@pytest.mark.parametrize(
+    ("plane", "label", "least"), [("sky", SKY, 0.90), ("road", ROAD, 0.80), ("vehicle", CAR, 0.75)]
+)
+def test_masks_of_the_clip(
+    kitti_clip: Clip, kitti_drive: Path, index: int, number: int, plane: str, label: int, least: float
+) -> None:
+    mask = kitti_clip.frame(index, [plane])[plane] > 0
+    assert label_iou(kitti_drive, number, mask, label) >= least
+
+
+def test_kernel_matches_reference_on_the_recording(opencl_backend: OpenCLBackend, kitti_clip: Clip, fog: Plan) -> None:
+    """The error bar on the picture and on every layer."""
+    p = fog.steps[0].params
+    assert isinstance(p, FogParams)
+    for index in range(len(kitti_clip)):
+        check(opencl_backend, kitti_clip.frame(index, fog.planes), fog.lights, p)
+
+
+def test_fog_thickens_with_distance_and_hides_the_sky(kitti_clip: Clip) -> None:
+    source = kitti_clip.frame(0)
+    foggy = next(edit(kitti_clip, "fog", backend="numpy", assignments=FOG, layers=["transmittance", "airlight"]))
+    T = foggy.layers["transmittance"]
+    near, middle, far = (source["depth"] < 10), (source["depth"] > 20) & (source["depth"] < 30), source["depth"] > 50
+    assert T[near].mean() > 0.5 > T[middle].mean() > 0.1 > T[far].mean()
+    sky = foggy.rgb[source["sky"]]
+    assert sky.std(axis=0).max() < 0.02  # nothing of the clouds is left, only fog, and the glow of the beams
+    before, after = (image[far & ~source["sky"]].std() for image in (source["rgb"], foggy.rgb))
+    assert after < 0.1 * before
+
+
+def test_the_ego_beams_light_the_fog_ahead(kitti_clip: Clip) -> None:
+    on_, off = (
+        next(edit(kitti_clip, "fog", backend="numpy", assignments=[*FOG, f"headlights.on={state}"])).rgb
+        for state in ("on", "off")
+    )
+    glow = (on_ - off).mean(axis=-1)
+    height, width = glow.shape
+    low_middle = glow[3 * height // 4 :, width // 3 : 2 * width // 3]
+    assert low_middle.mean() > 0.05
+    assert glow[:, : width // 8].max() < 0.1 * low_middle.mean()  # beams are cones: the sides stay dark
+    assert (glow >= 0).all()
