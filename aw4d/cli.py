@@ -150,9 +150,7 @@ def frames_(
         float | None, typer.Option(help="Horizontal field of view, instead of the focal length.")
     ] = None,
     fps: Annotated[float, typer.Option(help="Frames a second, without times.txt.")] = 10.0,
-    depth_scale: Annotated[
-        float | None, typer.Option(help="Metres in one unit (default: PNG 1/256, else 1).")
-    ] = None,
+    depth_scale: Annotated[float | None, typer.Option(help="Metres in one unit (default: PNG 1/256, else 1).")] = None,
     relative_depth: Annotated[bool, typer.Option(help="Depth is known up to scale and bias; it is aligned.")] = False,
     camera_height_m: Annotated[float | None, typer.Option(help="Camera above the road [m].")] = None,
     overwrite: Overwrite = False,

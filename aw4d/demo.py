@@ -36,8 +36,9 @@ def _thumb(frame: Frame, text: str) -> NDArray[np.uint8]:
     height, width = frame.rgb.shape[:2]
     size = (THUMB_WIDTH, max(1, round(THUMB_WIDTH * height / width)))
     image = encode_srgb8(np.asarray(cv2.resize(frame.rgb, size, interpolation=cv2.INTER_AREA), np.float32))
-    for color, thickness in (((0, 0, 0), 4), ((255, 255, 255), 1)):
-        cv2.putText(image, text, (12, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.8, color, thickness, cv2.LINE_AA)
+    (length, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.8, 1)
+    image[:40, : length + 24] //= 3  # a dark plate: white letters must be read on fog and snow
+    cv2.putText(image, text, (12, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 1, cv2.LINE_AA)
     return image
 
 

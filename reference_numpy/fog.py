@@ -182,8 +182,8 @@ def _at_surface(lamp: _Lamp, ray: Array, s: Array, *, g: float) -> Array:
 def _along_ray(lamp: _Lamp, ray: Array, s: Array, *, extinction: float, g: float, nodes: int) -> Array:
     """Single-scattering integral along each ray, equiangular (Kulla and Fajardo 2012), Gauss-Legendre in the angle.
 
-    The substitution x = t0 - D cot(a) makes the 1/r^2 vanish: dx / r^2 = da / D, where a is the scattering angle itself,
-    D the distance from the lamp to the ray (softened by EPSILON) and t0 the ray's closest approach.
+    The substitution x = t0 - D cot(a) makes the 1/r^2 vanish: dx / r^2 = da / D, where a is the scattering angle, D the
+    distance from the lamp to the ray (softened by EPSILON) and t0 the ray's closest approach.
     """
     t0 = ray @ lamp.position
     across = np.cross(lamp.position, ray)
