@@ -93,6 +93,20 @@ static inline floatw node_pair(const Stretch a, const bool spot, const floatw sn
     return fma(la, ia * sca, lb * (ib * scb));
 }
 
+/* Gauss-Legendre over a stretch whose half angles spread over `spread`: the mean over the stretch, times 2. */
+static inline floatw quadrature(
+    const Stretch a, const bool spot, const floatw spread, const float g,
+    __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
+{
+    floatw total = 0.0f;
+    for (int i = 0; i < node_pairs; i++) {
+        floatw cn;
+        const floatw sn = sincos_eighth(0.5f * node_x[i] * spread, &cn);
+        total = fma(node_w[i], node_pair(a, spot, sn, cn, g), total);
+    }
+    return total;
+}
+
 /* Component of a spot's axis along the way from the ray's closest approach to the lamp, times the distance D: no digits are
  * lost where D << |position|. */
 static inline floatw axis_across(
@@ -184,12 +198,7 @@ static inline floatw along_ray(
     a.half_D = 0.5f * D * sqrt(lamp.inv_reach2);
     a.fade_D = -extinction * D;
     a.fade_t0 = -extinction * t0;
-    floatw total = 0.0f;
-    for (int i = 0; i < node_pairs; i++) {
-        floatw cn;
-        const floatw sn = sincos_eighth(0.5f * node_x[i] * spread, &cn);
-        total = fma(node_w[i], node_pair(a, spot, sn, cn, g), total);
-    }
+    const floatw total = quadrature(a, spot, spread, g, node_x, node_w, node_pairs);
     return SELECTW(lit, total * spread * inv_D * phase_scale(g), 0.0f);
 }
 

@@ -18,8 +18,9 @@ from aw4d.passes import PASSES
 from aw4d.weathers import GROUPS, WEATHERS
 
 ROOT = Path(__file__).resolve().parent.parent
-# Pieces that kernels share; each mirrors the reference of the same stem, but for how OpenCL spells vectors and angles.
-HEADERS_OF_THE_LANGUAGE = {"vec", "trig"}
+# Pieces that kernels share; each mirrors the reference of the same stem, but for those that stand in for what
+# NumPy has built in.
+HEADERS_OF_THE_LANGUAGE = {"vec", "trig", "exp"}
 
 
 @pytest.fixture(params=PASSES)

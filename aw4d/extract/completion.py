@@ -35,9 +35,11 @@ JUMP_RATIO = 1.15  # a triangle whose corners differ by more spans two surfaces
 ON_GROUND, STANDING = 0.2, 0.4  # [m] above the ground plane; a triangle with corners of both kinds does so too
 NEIGHBOURS = 16  # returns that a pixel between two surfaces chooses from
 SAME_SURFACE = 0.1  # relative difference of inverse depth within a surface
-SHARPNESS = 0.7  # share of the choice, against the smooth estimate, which errs less where the image shows no edge
-ARRIVED_MIN = 1e-6  # share of a return that must reach a pixel to decide there
-RIM = 10  # rows at the end of the scan that are carried on
+SHARPNESS = 0.5  # share of the choice, against the smooth estimate, which errs less where the image shows no edge
+ARRIVED_MIN = 1e-4  # share of a return that must reach a pixel to decide there
+DRIFT = (0.25, 0.5, 0.25)  # shares of the pixels under one, from the left to the right, in what is carried up to it
+SURFACE_EDGE = 8.0  # [CIE Lab] a step in the image that tells surfaces apart where there is no scan
+RIM = 5  # rows at the end of the scan that are carried on
 
 
 class _Scan:
@@ -190,9 +192,52 @@ def _resolve_jumps(
     return inverse, known & (decide | ~jump)
 
 
+def _carry_up(inverse: Array, below: Mask, guide: NDArray[np.float32], sky: Mask) -> tuple[Array, Mask]:
+    """Continue the values on the pixels `below` upwards, row by row: (H, W) values and where one arrived.
+
+    Each pixel takes the mean of those under it to the left and right, the more of one the more its colour is alike.
+    Along an edge in the image the values so keep apart, elsewhere they mix the more the higher they get.
+    """
+    values, reached = np.where(below, inverse, 0.0), below.copy()
+    columns = np.arange(below.shape[1]) + np.arange(-1, 2)[:, None]  # (3, W)
+    inside = (columns >= 0) & (columns < below.shape[1])
+    columns = np.clip(columns, 0, below.shape[1] - 1)
+    for row in range(int(np.max(np.argmax(below, axis=0))) - 1, -1, -1):
+        difference = ((guide[row] - guide[row + 1][columns]) ** 2).sum(axis=-1)
+        weight = np.array(DRIFT)[:, None] * (np.exp(-difference / SURFACE_EDGE**2) + 1e-6)
+        weight *= inside & reached[row + 1][columns] & (sky[row] == sky[row + 1][columns])
+        total = weight.sum(axis=0)
+        fresh = ~below[row] & (total > 0)
+        mean = (weight * values[row + 1][columns]).sum(axis=0) / np.where(total > 0, total, 1)
+        values[row, fresh], reached[row, fresh] = mean[fresh], True
+    return values, reached
+
+
 def _rim(known: Mask, rows: slice) -> Mask:
     """Known pixels within RIM of the end of their column's known part, looking along `rows`."""
     return known & (np.cumsum(known[rows], axis=0)[rows] <= RIM)
+
+
+def _far_first(inverse: Array, known: Mask) -> Array:
+    """Confidence (H, W) of known depths, the depth itself.
+
+    Where the laser struck nothing is more likely the far surface: of the near one it would have had returns.
+    """
+    return np.where(known, np.maximum(inverse, 1e-3) ** -1.0, 0.0)
+
+
+def _above(inverse: Array, known: Mask, highest: NDArray[np.intp], guide: NDArray[np.float32], sky: Mask) -> Array:
+    """Continue the upper rim of the scan above its `highest` row (W,); a single return's own depth soon fades out."""
+    across, down = _affinity(guide, sky, SURFACE_EDGE)
+    rim, _ = spread(inverse, _far_first(inverse, _rim(known, np.s_[::1])), across=100 * across, down=100 * down)
+    columns, height = np.arange(known.shape[1]), highest - np.arange(known.shape[0])[:, None]
+    carried, arrived = _carry_up(rim, (height <= 0) & (rim > 0), guide, sky)
+    top = np.minimum(highest, known.shape[0] - 1), columns
+    both = (inverse[top] > 0) & (rim[top] > 0)
+    ratio = np.divide(inverse[top], rim[top], out=np.ones(len(columns)), where=both)
+    carried *= ratio ** np.exp(-np.maximum(height, 0) / RIM)  # no seam
+    above, _ = spread(carried, arrived.astype(np.float64), across=30 * across, down=30 * down)
+    return above
 
 
 def _extend(inverse: Array, known: Mask, ground: Array, *, rgb: NDArray[np.uint8], sky: Mask) -> Array:
@@ -200,19 +245,20 @@ def _extend(inverse: Array, known: Mask, ground: Array, *, rgb: NDArray[np.uint8
 
     Zero where nothing is connected to the scan.
     """
-    across, down = _affinity(_guide(rgb, 1.0), sky, 8.0)
-    top, bottom = _rim(known, np.s_[::1]), _rim(known, np.s_[::-1])
-    above, _ = spread(inverse, top.astype(np.float64), across=300 * across, down=10000 * down)
+    guide = _guide(rgb, 1.0)
+    across, down = _affinity(guide, sky, SURFACE_EDGE)
+    bottom = _rim(known, np.s_[::-1])
     below, reached = spread(inverse - ground, bottom.astype(np.float64), across=300 * across, down=300 * down)
     below += np.where(reached > 0, ground, 0)
-    between, _ = spread(inverse, known.astype(np.float64), across=100 * across, down=30 * down)
+    between, _ = spread(inverse, _far_first(inverse, known), across=100 * across, down=30 * down)
     rows, columns = np.arange(known.shape[0])[:, None], np.arange(known.shape[1])
     struck = np.flatnonzero(known.any(axis=0))
     nearest = struck[np.abs(struck[:, None] - columns).argmin(axis=0)] if struck.size else columns
     lowest = np.where(known, rows, -1).max(axis=0)[nearest]
     highest = np.where(known, rows, known.shape[0]).min(axis=0)[nearest]
-    outside = np.where(rows < highest, above, np.where(rows > lowest, below, between))
-    return np.where(known, inverse, outside)
+    inside = np.where(known, inverse, np.where(rows > lowest, below, between))
+    above = _above(inside, known, highest, guide, sky)
+    return np.where(rows < highest, above, inside)
 
 
 def _fill_islands(inverse: Array, sky: Mask) -> Array:

@@ -15,7 +15,7 @@ ROUNDS = 3
 
 def guide_weights(guide: NDArray[np.floating], sigma: float, axis: int) -> Array:
     """Affinity exp(-(difference / sigma)^2) of neighbours along `axis` of a guide image (H, W, C)."""
-    return np.exp((np.diff(guide, axis=axis) ** 2).sum(axis=-1, dtype=np.float64) / -(sigma**2))
+    return np.asarray(np.exp((np.diff(guide, axis=axis) ** 2).sum(axis=-1, dtype=np.float64) / -(sigma**2)))
 
 
 def _solve_rows(values: Array, weights: Array) -> Array:
