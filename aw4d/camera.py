@@ -35,7 +35,7 @@ class Camera:
     K
         Intrinsic matrix, 3x3 [px], no skew.
     camera_to_world
-        Pose, 4x4, rotation orthonormal within 1e-4. By default the frames coincide: for work in the camera's frame alone.
+        Pose, 4x4, rotation orthonormal within 1e-4. By default the world is the camera's own frame.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, minimum_filter1d
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from aw4d.camera import Camera
@@ -40,6 +40,7 @@ ARRIVED_MIN = 1e-4  # share of a return that must reach a pixel to decide there
 DRIFT = (0.25, 0.5, 0.25)  # shares of the pixels under one, from the left to the right, in what is carried up to it
 SURFACE_EDGE = 8.0  # [CIE Lab] a step in the image that tells surfaces apart where there is no scan
 RIM = 5  # rows at the end of the scan that are carried on
+RIM_WIDTH = 8  # [px] to either side in which returns tell how high the scan reaches
 
 
 class _Scan:
@@ -213,6 +214,18 @@ def _carry_up(inverse: Array, below: Mask, guide: NDArray[np.float32], sky: Mask
     return values, reached
 
 
+def _under_the_rim(seen: Array, camera: Camera) -> Mask:
+    """Pixels no higher than the returns around their column, but for RIM rows.
+
+    The mesh closes the scan's upper rim with long triangles from one near trunk to the next, over whatever is between.
+    """
+    u = np.clip(np.rint(seen[:, 0]), 0, camera.width - 1).astype(np.intp)
+    highest = np.full(camera.width, np.inf)
+    np.minimum.at(highest, u, seen[:, 1])
+    highest = minimum_filter1d(highest, 2 * RIM_WIDTH + 1, mode="nearest")
+    return np.arange(camera.height)[:, None] >= highest - RIM
+
+
 def _rim(known: Mask, rows: slice) -> Mask:
     """Known pixels within RIM of the end of their column's known part, looking along `rows`."""
     return known & (np.cumsum(known[rows], axis=0)[rows] <= RIM)
@@ -311,6 +324,7 @@ def complete_depth(
         raise InputError(f"points: expected at least {RETURNS_MIN} returns that the camera sees, got {len(seen)}")
     scan = _Scan(seen, camera)
     inverse, known, jump = _interpolate(scan)
+    known &= _under_the_rim(seen, camera)
     inverse, known = _resolve_jumps(inverse, known & ~sky, jump & ~sky, scan, rgb=rgb, sky=sky)
     inverse = _honour_returns(inverse, scan)
     inverse = _extend(inverse, known, np.maximum(scan.ground, 0), rgb=rgb, sky=sky)

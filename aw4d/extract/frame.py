@@ -17,6 +17,7 @@ from aw4d.extract.monocular import monocular_depth
 from aw4d.extract.normals import normals_from_depth
 from aw4d.extract.road import lane_ground, road_mask
 from aw4d.extract.sky import sky_mask
+from aw4d.extract.solid import solid_depth
 from aw4d.extract.vehicles import vehicle_ids
 from aw4d.gbuffer import Plane
 
@@ -49,35 +50,19 @@ def _depth(
     raise InputError("depth: expected a depth plane, laser returns or the height of the camera, got none of them")
 
 
-def _road_and_vehicles(
+def _vehicles(
     rgb: NDArray[np.uint8],
     planes: Mapping[str, Plane],
     *,
     camera: Camera,
     points: NDArray[np.float32] | None,
-    reflectance: NDArray[np.float32] | None,
     boxes: Sequence[Box],
-) -> dict[str, Plane]:
-    """The planes with those of road and vehicle that are not given; what is found as road is clear of vehicles."""
+) -> NDArray[np.int32]:
     depth, sky = planes["depth"], planes["sky"]
-    found = dict(planes)
-    if "vehicle" not in planes:
-        surface = points if points is not None else camera.unproject(depth)[~sky].astype(np.float32)
-        found["vehicle"] = vehicle_ids(
-            depth=depth, camera=camera, boxes=boxes, points=points, ground=lane_ground(surface), sky=sky, rgb=rgb
-        )
-    if "road" not in planes:
-        road = road_mask(
-            rgb,
-            camera=camera,
-            depth=depth,
-            normal=planes["normal"],
-            points=points,
-            sky=sky,
-            reflectance=reflectance,
-        )
-        found["road"] = road & (found["vehicle"] == 0)
-    return found
+    surface = points if points is not None else camera.unproject(depth)[~sky].astype(np.float32)
+    return vehicle_ids(
+        depth=depth, camera=camera, boxes=boxes, points=points, ground=lane_ground(surface), sky=sky, rgb=rgb
+    )
 
 
 def extract_frame(
@@ -118,12 +103,23 @@ def extract_frame(
     sky = planes["sky"]
     if "depth" not in planes:
         planes["depth"] = _depth(rgb, camera=camera, points=xyz, sky=sky, camera_height_m=camera_height_m)
-    depth = planes["depth"]
+    if "vehicle" not in planes:
+        planes["vehicle"] = _vehicles(rgb, planes, camera=camera, points=xyz, boxes=boxes)
+        if "depth" not in given:
+            planes["depth"] = solid_depth(planes["depth"], planes["vehicle"])
     if "normal" not in planes:
-        planes["normal"] = normals_from_depth(depth, camera=camera, sky=sky)
-    if not {"road", "vehicle"} <= planes.keys():
-        reflectance = None if points is None else points[:, 3]
-        planes = _road_and_vehicles(rgb, planes, camera=camera, points=xyz, reflectance=reflectance, boxes=boxes)
+        planes["normal"] = normals_from_depth(planes["depth"], camera=camera, sky=sky)
+    if "road" not in planes:
+        road = road_mask(
+            rgb,
+            camera=camera,
+            depth=planes["depth"],
+            normal=planes["normal"],
+            points=xyz,
+            sky=sky,
+            reflectance=None if points is None else points[:, 3],
+        )
+        planes["road"] = road & (planes["vehicle"] == 0)
     if not {"albedo", "roughness", "metallic"} <= planes.keys():
         regions = {name: planes[name] for name in ("sky", "road", "vehicle", "normal")}
         planes = {**materials(planes["rgb"], **regions), **planes}
