@@ -36,7 +36,7 @@ OutClip = Annotated[Path, typer.Option("-o", "--out", help="The clip to write.")
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the clip if it exists.")]
 Weather = Annotated[str, typer.Option("--weather", "-w", help="fog.")]
 Set = Annotated[list[str] | None, typer.Option("--set", help="A parameter: fog.visibility_m=60. Repeatable.")]
-Frames = Annotated[str | None, typer.Option("--frames", help="A:B, as in Python; all by default.")]
+Frames = Annotated[str | None, typer.Option("--frames", help="A:B as in Python, or one frame; all by default.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
 Backend = Annotated[str, typer.Option("--backend", help="auto, opencl or numpy.")]
 Device = Annotated[int | None, typer.Option("--device", help="Index of an OpenCL device, see `aw4d doctor`.")]
@@ -110,7 +110,11 @@ def _ingest(source: Source, out: Path, overwrite: bool) -> None:
 
     with _bar() as bar:
         task = bar.add_task("ingesting", total=len(source.info))
-        clip = ingest(source, out, overwrite=overwrite, progress=partial(_show, bar, task))
+        try:
+            clip = ingest(source, out, overwrite=overwrite, progress=partial(_show, bar, task))
+        except KeyboardInterrupt:
+            err_console.print("interrupted; the same command goes on where it stopped")
+            raise
     for sentence in clip.info.approximations:
         err_console.print(f"- {sentence}")
     print(out)
@@ -121,12 +125,13 @@ def kitti(
     src: Annotated[Path, typer.Argument(help="A raw drive: …_drive_0013_sync, calibration in its parent folder.")],
     out: OutClip,
     labels: Annotated[Path | None, typer.Option(help="Tracking labels (default: label_02*.txt in the drive).")] = None,
+    skip_missing: Annotated[bool, typer.Option("--skip-missing", help="Leave out frames without a scan.")] = False,
     overwrite: Overwrite = False,
 ) -> None:
     """A KITTI raw drive: image_02, velodyne_points, calibration; oxts and tracking labels where there are any."""
     from aw4d.io.kitti import open_kitti
 
-    _ingest(open_kitti(src, labels=labels), out, overwrite)
+    _ingest(open_kitti(src, labels=labels, skip_missing=skip_missing), out, overwrite)
 
 
 @ingest_app.command()
@@ -208,10 +213,11 @@ def edit(
     device: Device = None,
     kind: Annotated[str, typer.Option("--format", help="Images of a folder: png or exr (scene-linear).")] = "png",
     layers: Annotated[Path | None, typer.Option(help="Folder for the weather's layers, EXR.")] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier edit wrote.")] = False,
 ) -> None:
-    """Change the weather of a clip. A .json beside the output records everything that made it."""
+    """Change the weather of a clip. A .json beside the output records what made it."""
     from aw4d.clip import Clip, indices
-    from aw4d.output import write_edit
+    from aw4d.output import check_target, write_edit
     from aw4d.pipeline import plan
     from aw4d.render import open_backend
     from aw4d.weathers import settings
@@ -219,6 +225,7 @@ def edit(
     opened = Clip(clip)
     made = plan(opened, weather, settings(set_ or ()))
     chosen = indices(frames, len(opened))
+    check_target(out, kind=kind, layer_folder=layers, overwrite=overwrite)
     for name, reason in made.skipped.items():
         logging.getLogger("aw4d").info("%s is not run: %s", name, reason)
     write_edit(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import logging
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from aw4d.colour import decode_srgb8, encode_srgb8
 from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer, Plane
 
+log = logging.getLogger("aw4d")
 FORMAT = "aw4d-clip"
 VERSION = 1
 SUFFIX_PARTIAL = ".partial"
@@ -207,6 +209,8 @@ class Clip:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
+        if not self.path.exists():
+            raise InputError(f"{self.path}: no such clip")
         try:
             self._group = zarr.open_group(self.path, mode="r")
             data: Any = dict(self._group.attrs)
@@ -349,6 +353,8 @@ class ClipWriter:
             if json.loads(note.read_text()) == plan:
                 self._remove_litter()
                 return
+        if note.exists():
+            log.warning("%s: holds frames of another source or other settings; starting again", self._partial)
         note.unlink(missing_ok=True)  # first: killed from here on, the next run must not take what is left for whole
         for child in self._partial.iterdir():
             if child.is_dir():
@@ -459,7 +465,7 @@ class ClipWriter:
 
 
 def indices(text: str | None, count: int) -> range:
-    """Frames named by `A:B` (either end open, as in Python), or all of them.
+    """Frames named by `A:B` (either end open, as in Python) or by one number, or all of them.
 
     Raises
     ------
@@ -470,11 +476,10 @@ def indices(text: str | None, count: int) -> range:
         return range(count)
     first, colon, last = text.partition(":")
     try:
-        chosen = range(count)[int(first) if first else None : int(last) if last else None]
-        if not colon:
-            raise ValueError
+        start, stop = int(first) if first else None, int(last) if last else None
+        chosen = range(count)[start:stop] if colon else range(count)[int(first) : int(first) + 1]
     except ValueError:
-        raise InputError(f"--frames: expected A:B with integers, got {text!r}") from None
+        raise InputError(f"--frames: expected A:B or one number, got {text!r}") from None
     if not chosen:
         raise InputError(f"--frames: {text} names no frame of 0:{count}")
     return chosen

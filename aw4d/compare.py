@@ -63,7 +63,7 @@ def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
     InputError
         No OpenCL device works.
     """
-    backends = [OpenCLBackend(r.index) for r in opencl.devices() if r.usable]
+    backends = {f"{r.index} {r.platform}": OpenCLBackend(r.index) for r in opencl.devices() if r.usable}
     if not backends:
         raise InputError("compare: expected an OpenCL device to compare NumPy with, got none (see `aw4d doctor`)")
     worst: dict[tuple[str, str, str], tuple[float, float]] = {}
@@ -72,15 +72,16 @@ def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
         lights = in_camera(made.lights, frame.camera)
         reference = NumpyBackend()
         truth = reference.upload(frame, lights)
-        tried = [(backend, backend.upload(frame, lights, list(made.layers))) for backend in backends]
+        tried = {name: backend.upload(frame, lights, list(made.layers)) for name, backend in backends.items()}
         for step in made.steps:
             names = _results(step)
             reference.run(step.name, truth, step.params)
             expected = reference.download64(truth, names)
-            for backend, planes in tried:
+            for device, planes in tried.items():
+                backend = backends[device]
                 backend.run(step.name, planes, step.params)
                 for name, values in backend.download(planes, names).items():
-                    key = (step.name, name, backend.name)
+                    key = (step.name, name, device)
                     seen = worst.get(key, (0.0, 0.0))
                     now = error(values, expected[name])
                     worst[key] = (max(seen[0], now[0]), max(seen[1], now[1]))

@@ -103,12 +103,13 @@ def check_depth_unit(depth: Plane, sky: Plane | None = None) -> None:
     Raises
     ------
     InputError
-        All of the depth that is not sky is under 1 m (normalised? kilometres?) or over 10,000 m (millimetres?).
+        The depth that is not sky is all under 1 m (normalised? kilometres?), or half of it over 1,000 m (millimetres?).
     """
     seen = depth if sky is None else depth[~sky]
-    if seen.size and (seen.max() < 1 or seen.min() > 10_000):
+    if seen.size and (seen.max() < 1 or np.median(seen) > 1_000):
         raise InputError(
-            f"depth: expected metres, got {_range_text(seen)} on every pixel; say the source's unit with --depth-scale"
+            f"depth: expected metres on a road, got {_range_text(seen)}, {np.median(seen):g} in the median; "
+            "say the source's unit with --depth-scale"
         )
 
 

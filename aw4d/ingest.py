@@ -18,7 +18,7 @@ from aw4d.calibrate.sky_depth import DepthPercentile
 from aw4d.camera import Camera
 from aw4d.clip import Clip, ClipInfo, ClipWriter
 from aw4d.errors import InputError
-from aw4d.extract.frame import PROVENANCE, extract_frame
+from aw4d.extract.frame import APPROXIMATIONS, PROVENANCE, extract_frame
 from aw4d.extract.relative import MetricDepth, metric_depth
 from aw4d.gbuffer import GBuffer, Plane, check_depth_unit
 from aw4d.io.source import Source
@@ -151,12 +151,13 @@ def _write(
 
 
 def _described(source: Source, metric: MetricDepth | None) -> ClipInfo:
-    """The source's info with the provenance of the planes that are derived here."""
+    """The source's info with the provenance of the planes that are derived here, and what is approximate in them."""
     given = source.planes(0)
     provenance = {name: text for name, text in PROVENANCE.items() if name not in given} | source.info.provenance
     if metric is not None:
         provenance["depth"] = metric.origin
-    return replace(source.info, provenance=provenance)
+    estimated = [text for name, text in APPROXIMATIONS.items() if name not in given]
+    return replace(source.info, provenance=provenance, approximations=[*source.info.approximations, *estimated])
 
 
 def ingest(

@@ -37,12 +37,12 @@ class Sink(Protocol):
 @contextmanager
 def _replacing_folder(path: Path) -> Iterator[Path]:
     """A folder beside `path` to fill; it takes the place of `path` when the block ends well, else it is deleted."""
-    if path.exists() and (not path.is_dir() or any(path.iterdir())):
-        raise InputError(f"{path}: exists already and is not an empty folder; give another path")
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.mkdir(parents=True)
         yield temporary
+        if path.exists():
+            shutil.rmtree(path)
         temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
@@ -106,19 +106,40 @@ def sidecar_path(out: Path) -> Path:
     return out.with_suffix(".json") if out.suffix == VIDEO_SUFFIX else out.with_name(out.name + ".json")
 
 
-@contextmanager
-def open_output(out: Path, fps: float, kind: str = "png") -> Iterator[Sink]:
-    """A video for a path that ends in .mp4, else a folder of images of that kind.
+def check_target(out: Path, *, kind: str = "png", layer_folder: Path | None = None, overwrite: bool = False) -> None:
+    """Refuse, before anything is rendered, a target that cannot be or must not be written.
 
     Raises
     ------
     InputError
-        The kind is unknown, the folder holds something already, or the target cannot be written.
+        The kind is unknown or does not go with a video, the suffix is not that of a video, there is no folder to write
+        into, or something exists there: with `overwrite` a video, or a folder of an earlier edit, is replaced.
     """
     if kind not in FORMATS:
         raise InputError(f"--format: expected {' or '.join(FORMATS)}, got {kind!r}")
+    if out.suffix == VIDEO_SUFFIX and kind != "png":
+        raise InputError(f"--format {kind}: expected a folder to write images to, got the video {out}")
     if out.suffix and out.suffix != VIDEO_SUFFIX and not out.is_dir():
         raise InputError(f"{out}: expected a path that ends in {VIDEO_SUFFIX}, or a folder, got {out.suffix}")
+    for target in (out, layer_folder):
+        if target is not None:
+            _check_free(target, out, overwrite)
+
+
+def _check_free(target: Path, out: Path, overwrite: bool) -> None:
+    if not target.parent.is_dir():
+        raise InputError(f"{target}: cannot be written (there is no folder {target.parent})")
+    if not target.exists() or (target.is_dir() and not any(target.iterdir())):
+        return
+    if not overwrite:
+        raise InputError(f"{target}: exists already; give another path or --overwrite")
+    if target.is_dir() and not sidecar_path(out).is_file():
+        raise InputError(f"{target}: expected the folder of an earlier edit, with its .json, to overwrite; got another")
+
+
+@contextmanager
+def open_output(out: Path, fps: float, kind: str = "png") -> Iterator[Sink]:
+    """A video for a path that ends in .mp4, else a folder of images of that kind."""
     with ExitStack() as stack:
         if out.suffix == VIDEO_SUFFIX:
             yield _Video(stack.enter_context(VideoWriter(out, fps=fps)))

@@ -107,7 +107,8 @@ class FogParams(Params):
                 f"visibility_m: expected either the visibility or sigma_s, got {self.visibility_m:g} m and "
                 f"sigma_s = {self.sigma_s:g} /m, which means {implied:g} m"
             )
-        object.__setattr__(self, "visibility_m", min(max(implied, 1e-3), 1e9))
+        if self.visibility_m is None:
+            object.__setattr__(self, "visibility_m", min(max(implied, 1e-3), 1e9))
 
     @property
     def extinction(self) -> float:

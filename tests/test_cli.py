@@ -100,7 +100,7 @@ MISTAKES = {
     "no switch": (["--set", "headlights.on=maybe"], ["headlights.on", "on or off", "'maybe'"]),
     "no file of lights": (["--set", "lights.file=nowhere.json"], ["nowhere.json"]),
     "cone": (["--set", "headlights.outer_deg=5"], ["cone", "5"]),
-    "frames": (["--frames", "2"], ["--frames", "A:B", "'2'"]),
+    "no such frame": (["--frames", "5"], ["--frames", "5", "0:3"]),
     "no such frames": (["--frames", "7:9"], ["--frames", "7:9", "0:3"]),
     "frames backwards": (["--frames", "2:1"], ["--frames", "2:1"]),
     "frames in letters": (["--frames", "a:b"], ["--frames", "'a:b'"]),
@@ -159,6 +159,18 @@ def test_a_folder_that_holds_something_is_left_alone(run: Run, street: Path, tmp
     _refused(_edit(run, street, tmp_path / "out"), str(tmp_path / "out"), "exists")
     _refused(_edit(run, street, tmp_path / "new", "--layers", tmp_path / "out"), str(tmp_path / "out"), "exists")
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["out", "precious.txt"]
+
+
+def test_an_earlier_edit_is_replaced_only_when_asked(run: Run, street: Path, tmp_path: Path) -> None:
+    for out in (tmp_path / "out.mp4", tmp_path / "frames"):
+        assert _edit(run, street, out, "--frames", "0").code == 0
+        _refused(_edit(run, street, out, "--frames", "1"), str(out), "exists", "--overwrite")
+        assert _edit(run, street, out, "--frames", "1", "--overwrite").code == 0
+    assert [path.name for path in (tmp_path / "frames").iterdir()] == ["000001.png"]
+
+
+def test_images_do_not_go_into_a_video(run: Run, street: Path, tmp_path: Path) -> None:
+    _refused(_edit(run, street, tmp_path / "out.mp4", "--format", "exr"), "--format exr", "out.mp4")
 
 
 def test_another_kind_of_video_is_refused(run: Run, street: Path, tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def test_not_a_clip(tmp_path: Path, kind: str) -> None:
         import zarr
 
         zarr.open_group(path, mode="w").attrs["format"] = "something"
-    with pytest.raises(InputError, match="expected a clip") as caught:
+    with pytest.raises(InputError, match="no such clip" if kind == "nothing" else "expected a clip") as caught:
         Clip(path)
     assert "\n" not in str(caught.value)
 
@@ -264,7 +264,7 @@ def test_indices(text: str | None, expected: range) -> None:
     assert indices(text, 10) == expected
 
 
-@pytest.mark.parametrize("text", ["5", "a:b", "7:7", "20:30", ""])
+@pytest.mark.parametrize("text", ["12", "a", "a:b", "7:7", "20:30", ""])
 def test_bad_indices(text: str) -> None:
     with pytest.raises(InputError, match="--frames"):
         indices(text, 10)

@@ -184,7 +184,10 @@ def shrink_one_image(drive: Path) -> None:
 FAULTS: dict[str, tuple[Callable[[Path], None], str]] = {
     "no images": (remove("image_02"), "image_02"),
     "no scans": (remove("velodyne_points"), "ingest video"),
-    "one scan lost": (remove(f"velodyne_points/data/*{FIRST + 1}.bin"), f"LiDAR does not match .*: {FIRST + 1}$"),
+    "one scan lost": (
+        remove(f"velodyne_points/data/*{FIRST + 1}.bin"),
+        f"LiDAR does not match .*: {FIRST + 1}; --skip-missing",
+    ),
     "truncated scan": (cut(f"velodyne_points/data/*{FIRST + 1}.bin", 1001), rf"{FIRST + 1}\.bin.*truncated"),
     "empty scan": (cut(f"velodyne_points/data/*{FIRST + 1}.bin", 0), rf"{FIRST + 1}\.bin"),
     "scans of another drive": (turn_scanner, f"does not match the image of frame {FIRST}"),
@@ -235,6 +238,13 @@ def test_not_a_drive(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").write_text("x")
     with pytest.raises(InputError, match="KITTI raw drive"):
         open_kitti(tmp_path / name)
+
+
+def test_frames_without_a_scan_can_be_left_out(drive: Path) -> None:
+    remove(f"velodyne_points/data/*{FIRST + 1}.bin")(drive)
+    source = open_kitti(drive, skip_missing=True)
+    assert len(source.info) == COUNT - 1
+    assert source.points(1) is not None
 
 
 @pytest.mark.clip

@@ -35,6 +35,15 @@ PROVENANCE: dict[str, str] = {
 }
 
 
+# What a user must know of planes that were not measured; the first key decides whether the sentence holds.
+APPROXIMATIONS: dict[str, str] = {
+    "depth": "Depth between laser returns is interpolated; above the scan it continues what is below: trees and "
+    "facades there may stand at a wrong distance.",
+    "vehicle": "Masks of sky, road and vehicles are estimated from colour, geometry and boxes.",
+    "albedo": "Albedo keeps some of the recorded shadows; roughness and metallic are set by kind of surface.",
+}
+
+
 def _depth(
     rgb: NDArray[np.uint8],
     *,

@@ -83,8 +83,8 @@ def _numbered(folder: Path, suffixes: tuple[str, ...]) -> dict[int, Path]:
     return {int(path.stem): path for path in listed(folder, suffixes) if path.stem.isdecimal()}
 
 
-def _matching(kind: str, folder: Path, suffix: str, frames: list[int]) -> list[Path]:
-    """The file of each frame.
+def _matching(kind: str, folder: Path, suffix: str, frames: list[int], hint: str = "") -> list[Path]:
+    """The file of each frame; a hint ends the error.
 
     Raises
     ------
@@ -96,7 +96,7 @@ def _matching(kind: str, folder: Path, suffix: str, frames: list[int]) -> list[P
     if missing:
         raise InputError(
             f"{folder}: {kind} does not match the images: expected a {suffix} file for each of {len(frames)} frames, "
-            f"got none for {len(missing)} of them: {_some(missing)}"
+            f"got none for {len(missing)} of them: {_some(missing)}{hint}"
         )
     return [found[frame] for frame in frames]
 
@@ -110,7 +110,7 @@ def _calibration(drive: Path) -> Calibration:
     return read_calibration(cam_to_cam, velo_to_cam)
 
 
-def _files(folder: Path) -> _Drive:
+def _files(folder: Path, skip_missing: bool) -> _Drive:
     images = _numbered(folder / "image_02" / "data", PNG)
     if not images:
         raise InputError(f"{folder}: expected a KITTI raw drive with pictures in image_02/data/*.png, got none")
@@ -120,7 +120,10 @@ def _files(folder: Path) -> _Drive:
             "for pictures without LiDAR see `aw4d ingest frames` and `aw4d ingest video`"
         )
     frames = sorted(images)
-    scans = _matching("LiDAR", folder / "velodyne_points" / "data", ".bin", frames)
+    if skip_missing:
+        scanned = _numbered(folder / "velodyne_points" / "data", (".bin",))
+        frames = [frame for frame in frames if frame in scanned]
+    scans = _matching("LiDAR", folder / "velodyne_points" / "data", ".bin", frames, "; --skip-missing leaves them out")
     for path in scans:
         size = path.stat().st_size
         if size == 0 or size % BYTES_A_RETURN:
@@ -167,7 +170,7 @@ def _labels(drive: Path, labels: Path | None) -> Path | None:
     return found[0] if found else None
 
 
-def open_kitti(drive: Path, *, labels: Path | None = None) -> Source:
+def open_kitti(drive: Path, *, labels: Path | None = None, skip_missing: bool = False) -> Source:
     """Open a raw drive: the frames that image_02 has.
 
     Parameters
@@ -178,6 +181,8 @@ def open_kitti(drive: Path, *, labels: Path | None = None) -> Source:
     labels
         3D boxes in the format of the tracking benchmark, with the drive's frame numbers; without it, a
         label_02*.txt in the drive.
+    skip_missing
+        Leave out frames that have no scan (some published drives lack a few); otherwise they are an error.
 
     Raises
     ------
@@ -187,7 +192,7 @@ def open_kitti(drive: Path, *, labels: Path | None = None) -> Source:
     drive = Path(drive)
     if not drive.is_dir():
         raise InputError(f"{drive}: expected the folder of a KITTI raw drive")
-    files = _files(drive)
+    files = _files(drive, skip_missing)
     poses, origin, oxts = _poses(files)
     label_file = _labels(drive, labels)
     count, calibration = len(files.frames), files.calibration

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -138,15 +138,34 @@ def read_lights(path: str | Path) -> list[Light]:
     """
     try:
         entries: Any = json.loads(Path(path).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except ValueError as error:
         raise InputError(f"{path}: expected a JSON list of lights ({error})") from error
     if not isinstance(entries, list):
         raise InputError(f"{path}: expected a JSON list of lights, got {type(entries).__name__}")
     lights = []
     for i, entry in enumerate(entries):
         try:
-            fields: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in entry.items()}
-            lights.append(Light(**fields))
-        except (TypeError, ValueError, AttributeError) as error:
+            lights.append(_light(entry))
+        except InputError as error:
             raise InputError(f"{path}: light {i}: {error}") from error
     return lights
+
+
+def _light(entry: Any) -> Light:
+    """A light of a JSON object; every field has the type that its default has."""
+    if not isinstance(entry, dict) or "kind" not in entry:
+        raise InputError(f"expected an object with a kind, got {entry!r}")
+    known = {field.name: field.default for field in fields(Light)}
+    for name, value in entry.items():
+        if name not in known:
+            raise InputError(f"expected the fields {', '.join(known)}, got {name!r}")
+        numbers = value if isinstance(value, list) else [value]
+        text = name in ("kind", "frame")
+        vector = isinstance(known[name], tuple)
+        if isinstance(value, list) != vector or not all(isinstance(v, str if text else (int, float)) for v in numbers):
+            expected = "text" if text else "three numbers" if vector else "a number"
+            raise InputError(f"{name}: expected {expected}, got {value!r}")
+    values: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in entry.items()}
+    return Light(**values)
