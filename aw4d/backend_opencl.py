@@ -146,8 +146,12 @@ class OpenCLBackend:
             options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}"] + ["-DLAYERS"] * layers
             # Not pyopencl's own cache: a kernel out of a binary has lost its argument names on Intel's runtime.
             # PoCL and the GPU drivers cache what they build by themselves.
-            program = self._cl.Program(self._context, source(name)).build(options, cache_dir=False)
-            self._kernels[key] = _Kernel(self._cl, self._cl.Kernel(program, name))
+            try:
+                program = self._cl.Program(self._context, source(name)).build(options, cache_dir=False)
+                self._kernels[key] = _Kernel(self._cl, self._cl.Kernel(program, name))
+            except self._cl.Error as error:
+                reason = opencl.first_error(error)
+                raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
         return self._kernels[key]
 
     def run(self, name: str, planes: Planes, p: Params) -> None:

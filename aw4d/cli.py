@@ -116,7 +116,7 @@ def _ingest(source: Source, out: Path, overwrite: bool) -> None:
             err_console.print("interrupted; the same command goes on where it stopped")
             raise
     for sentence in clip.info.approximations:
-        err_console.print(f"- {sentence}")
+        err_console.print(f"- {sentence}", markup=False, soft_wrap=True)
     print(out)
 
 
@@ -270,7 +270,7 @@ def compare(clip: ClipPath, weather: Weather, set_: Set = None, frames: Frames =
 def main() -> None:
     """Run the command line; input errors end in one line on stderr and exit status 2."""
     try:
-        app()
+        app(prog_name="aw4d")
     except InputError as error:
         message = " ".join(str(error).split())
         print(f"aw4d: {message}", file=sys.stderr)

@@ -109,6 +109,12 @@ __kernel void probe(__global const float *a, __global float *out, const float k)
 """
 
 
+def first_error(error: Exception) -> str:
+    """The line of a runtime's report that says what went wrong, or its first."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return next((line for line in lines if "error" in line.lower()), lines[0] if lines else repr(error))
+
+
 def _probe(device: Any) -> str:
     """Build and run a kernel; what went wrong in one line, or nothing."""
     cl = load()
@@ -125,8 +131,7 @@ def _probe(device: Any) -> str:
         cl.enqueue_copy(queue, out, out_buffer)
         expected = a.astype(np.float64) * 3 + np.exp(-a.astype(np.float64))
     except Exception as error:  # drivers fail in their own ways; each is a reason to refuse the device
-        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
-        return next((line for line in lines if "error" in line.lower()), lines[0] if lines else repr(error))
+        return first_error(error)
     wrong = float(np.abs(out - expected).max())
     return "" if wrong < 1e-5 else f"wrong numbers: a fused multiply-add and exp came out {wrong:g} off"
 

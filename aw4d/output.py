@@ -8,7 +8,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -147,17 +147,26 @@ def open_output(out: Path, fps: float, kind: str = "png") -> Iterator[Sink]:
             yield _Folder(stack.enter_context(_replacing_folder(out)), kind)
 
 
-def write_all(
-    frames: Iterable[Frame], out: Path, *, fps: float, kind: str = "png", layer_folder: Path | None = None
-) -> None:
-    """Write every frame, and its layers where a folder is given for them."""
+@contextmanager
+def _sinks(out: Path, fps: float, kind: str, layer_folder: Path | None) -> Iterator[list[Sink]]:
+    """Where every frame goes: the output, and the folder of layers where one is given."""
     with ExitStack() as stack:
         sinks: list[Sink] = [stack.enter_context(open_output(out, fps, kind))]
         if layer_folder is not None:
             sinks.append(_Layers(stack.enter_context(_replacing_folder(layer_folder))))
-        for frame in frames:
-            for sink in sinks:
-                sink.write(frame)
+        yield sinks
+
+
+def _write(frames: Iterable[Frame], sinks: Sequence[Sink]) -> None:
+    for frame in frames:
+        for sink in sinks:
+            sink.write(frame)
+
+
+def write_all(frames: Iterable[Frame], out: Path, *, fps: float, kind: str = "png") -> None:
+    """Write every frame into `out`."""
+    with _sinks(out, fps, kind, None) as sinks:
+        _write(frames, sinks)
 
 
 def write_edit(
@@ -177,9 +186,13 @@ def write_edit(
     """
     start = time.perf_counter()
     layers = list(made.layers) if layer_folder is not None else []
-    frames = ahead(frames_of(clip, made, backend, chosen, layers))
-    write_all(watch(frames), out, fps=clip.info.fps, kind=kind, layer_folder=layer_folder)
-    content = sidecar(clip, made, backend=backend.name, frames=chosen, seconds=time.perf_counter() - start)
-    with replacing(sidecar_path(out)) as temporary:
-        temporary.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    with (
+        replacing(sidecar_path(out)) as note,
+        closing(ahead(frames_of(clip, made, backend, chosen, layers))) as frames,
+        _sinks(out, clip.info.fps, kind, layer_folder) as sinks,
+    ):
+        _write(watch(frames), sinks)
+        content = sidecar(clip, made, backend=backend.name, frames=chosen, seconds=time.perf_counter() - start)
+        # Before the output takes its place: where there is no room for its sidecar, there is none for the output.
+        note.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return content

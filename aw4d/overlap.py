@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -40,6 +40,9 @@ class _Producer(threading.Thread, Generic[T]):
             self._put(_End())
         except BaseException as error:  # handed over whole: the consumer raises it
             self._put(_Failure(error))
+        finally:
+            if isinstance(self.items, Generator):  # here, not wherever the garbage collector finds it
+                self.items.close()
 
     def _put(self, item: T | _Failure | _End) -> bool:
         while not self.stop.is_set():
@@ -51,12 +54,13 @@ class _Producer(threading.Thread, Generic[T]):
         return False
 
 
-def ahead(items: Iterable[T]) -> Iterator[T]:
+def ahead(items: Iterable[T]) -> Generator[T, None, None]:
     """The same items in the same order, produced by a thread; its exception is raised here.
 
     Closing the iterator early stops the thread.
     """
     producer = _Producer(items)
+    consumer = threading.current_thread()
     producer.start()
     try:
         while True:
@@ -68,4 +72,6 @@ def ahead(items: Iterable[T]) -> Iterator[T]:
             yield item
     finally:
         producer.stop.set()
-        producer.join()
+        # The garbage collector closes a forgotten iterator in any thread, also in one that the producer waits for.
+        if threading.current_thread() is consumer:
+            producer.join()

@@ -205,6 +205,12 @@ def test_a_full_disk_leaves_nothing(run: Run, street: Path, full_disk: Path, nam
     assert list(full_disk.iterdir()) == [full_disk / "filler"]
 
 
+def test_no_room_for_the_sidecar_leaves_no_output(run: Run, street: Path, full_disk: Path) -> None:
+    (full_disk / "filler").unlink()  # a page: the small video has room, its sidecar has not
+    _refused(_edit(run, street, full_disk / "out.mp4"), "No space left")
+    assert list(full_disk.iterdir()) == []
+
+
 def test_a_full_disk_for_layers_leaves_nothing(run: Run, street: Path, full_disk: Path, tmp_path: Path) -> None:
     _refused(_edit(run, street, tmp_path / "out.mp4", "--layers", full_disk / "layers"), "No space left")
     assert list(full_disk.iterdir()) == [full_disk / "filler"]
