@@ -25,7 +25,7 @@ typedef struct {
     float cos_outer;     /* -1: no cone */
     float sin2_outer;
     float inv_cone;      /* 1 / (cos_inner - cos_outer) */
-    float inv_reach2;    /* 1 / r_max^2 [1/m^2] */
+    float inv_reach;     /* 1 / r_max [1/m] */
     float reach2;        /* r_max^2 [m^2] */
 } Lamp;
 
@@ -50,7 +50,7 @@ static inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y,
     const floatw r2 = fma(vx, vx, fma(vy, vy, fma(vz, vz, EPSILON)));
     const floatw inv = 1.0f / sqrt(r2);
     const floatw mu = -fma(x, vx, fma(y, vy, z * vz)) * inv;
-    floatw light = henyey_greenstein(mu, g) * window(fmax(fma(-r2, lamp.inv_reach2, 1.0f), 0.0f)) / r2;
+    floatw light = henyey_greenstein(mu, g) * window(fmax(fma(-r2, lamp.inv_reach * lamp.inv_reach, 1.0f), 0.0f)) / r2;
     if (lamp.cos_outer >= 0.0f)
         light *= cone((fma(vx, lamp.dx, fma(vy, lamp.dy, vz * lamp.dz)) * inv - lamp.cos_outer) * lamp.inv_cone);
     return light;
@@ -195,7 +195,7 @@ static inline floatw along_ray(
     a.cl = gain * SELECTW(flip, ch, cl);
     a.sh = SELECTW(flip, sl, sh);
     a.ch = SELECTW(flip, cl, ch);
-    a.half_D = 0.5f * D * sqrt(lamp.inv_reach2);
+    a.half_D = 0.5f * D * lamp.inv_reach;
     a.fade_D = -extinction * D;
     a.fade_t0 = -extinction * t0;
     const floatw total = quadrature(a, spot, spread, g, node_x, node_w, node_pairs);
@@ -230,9 +230,8 @@ __kernel void fog(
     __global const float *restrict light_position,      /* [m] camera frame */
     __global const float *restrict light_direction,
     __global const float *restrict light_intensity,
-    __global const float *restrict light_cos_inner,
-    __global const float *restrict light_cos_outer,
     __global const float *restrict light_r_max,         /* [m] */
+    __global const float *restrict light_shape,         /* cos_outer, its sine squared, 1 / (cos_inner - cos_outer), 1 / r_max */
     __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
     __global const float *restrict node_x,              /* upper half of the abscissae on [-1, 1] */
     __global const float *restrict node_w,
@@ -284,11 +283,12 @@ __kernel void fog(
             Lamp lamp;
             lamp.px = p.x; lamp.py = p.y; lamp.pz = p.z;
             lamp.dx = d.x; lamp.dy = d.y; lamp.dz = d.z;
-            lamp.cos_outer = kind == SPOT ? light_cos_outer[l] : -1.0f;
-            lamp.sin2_outer = (1.0f - lamp.cos_outer) * (1.0f + lamp.cos_outer);
-            lamp.inv_cone = 1.0f / (light_cos_inner[l] - light_cos_outer[l]);
+            const float4 shape = vload4(l, light_shape);
+            lamp.cos_outer = shape.x;
+            lamp.sin2_outer = shape.y;
+            lamp.inv_cone = shape.z;
+            lamp.inv_reach = shape.w;
             lamp.reach2 = light_r_max[l] * light_r_max[l];
-            lamp.inv_reach2 = 1.0f / lamp.reach2;
             glow = convention == PAPER ? at_surface(lamp, x, y, z, s, g)
                                        : along_ray(lamp, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
         }

@@ -128,6 +128,18 @@ def balls(lights: LightArrays) -> NDArray[np.float32]:
     return np.concatenate([centre, radius[:, None]], axis=1).astype(np.float32)
 
 
+def shapes(lights: LightArrays) -> NDArray[np.float32]:
+    """What a kernel needs of each light's cone and reach, so that no pixel divides for it, (L, 4).
+
+    Cosine of the outer angle (-1 for no cone), its sine squared, 1 / (cos_inner - cos_outer), 1 / reach [1/m].
+    """
+    inner, outer, reach = (
+        array.astype(np.float64) for array in (lights.light_cos_inner, lights.light_cos_outer, lights.light_r_max)
+    )
+    cone = np.where(lights.light_kind == KINDS.index("spot"), outer, -1.0)
+    return np.stack([cone, 1 - cone**2, 1 / (inner - outer), 1 / reach], axis=1).astype(np.float32)
+
+
 def read_lights(path: str | Path) -> list[Light]:
     """Lights of a JSON file: a list of objects with the fields of `Light`.
 
