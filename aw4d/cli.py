@@ -36,7 +36,7 @@ OutClip = Annotated[Path, typer.Option("-o", "--out", help="The clip to write.")
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the clip if it exists.")]
 Weather = Annotated[str, typer.Option("--weather", "-w", help="fog.")]
 Set = Annotated[list[str] | None, typer.Option("--set", help="A parameter: fog.visibility_m=60. Repeatable.")]
-Frames = Annotated[str | None, typer.Option("--frames", help="A:B as in Python, or one frame; all by default.")]
+Frames = Annotated[str | None, typer.Option("--frames", help="A:B as in Python, or one frame.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
 Backend = Annotated[str, typer.Option("--backend", help="auto, opencl or numpy.")]
 Device = Annotated[int | None, typer.Option("--device", help="Index of an OpenCL device, see `aw4d doctor`.")]

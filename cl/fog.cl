@@ -13,9 +13,7 @@
 #include "include/trig.h"
 #include "include/vec.h"
 
-#define DIRECTIONAL 0
-#define POINT 1
-#define SPOT 2
+#define DIRECTIONAL 0    /* light_kind; points and spots differ in light_shape alone */
 #define PAPER 1          /* convention */
 #define EPSILON 1e-4f    /* [m^2] softening of 1/d^2: a lamp's radius of 1 cm, squared */
 
