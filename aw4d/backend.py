@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aw4d.gbuffer import GBuffer
-from aw4d.lights.light import LightArrays
 from aw4d.params import Params
+from aw4d.scene import Scene
 
 
 class Planes(Protocol):
@@ -29,8 +28,8 @@ class Backend(Protocol):
     def name(self) -> str:
         """What runs, for people: backend, device, version."""
 
-    def upload(self, frame: GBuffer, lights: LightArrays, layers: Sequence[str] = ()) -> Planes:
-        """Take a frame, its lights and the names of the layers that will be asked for."""
+    def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> Planes:
+        """Take a frame, what lights it, and the names of the layers that will be asked for."""
 
     def run(self, name: str, planes: Planes, p: Params) -> None:
         """Run one pass in place."""
@@ -39,11 +38,11 @@ class Backend(Protocol):
         """Planes and layers by name, (H, W) or (H, W, 3) float32."""
 
 
-def frame_arguments(frame: GBuffer, lights: LightArrays) -> dict[str, Any]:
+def frame_arguments(frame: GBuffer, scene: Scene) -> dict[str, Any]:
     """Camera and lights by the names that passes take, rounded to float32 once for every backend alike."""
     K = frame.camera.K.astype(np.float32)
     camera = {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2]}
-    return camera | {field.name: getattr(lights, field.name) for field in fields(lights)}
+    return camera | scene.arguments()
 
 
 def check_names(name: str, wanted: set[str], at_hand: set[str], own: set[str]) -> None:

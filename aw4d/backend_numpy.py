@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from aw4d.backend import Planes, check_names, frame_arguments
 from aw4d.gbuffer import GBuffer
-from aw4d.lights.light import LightArrays
 from aw4d.params import Params
+from aw4d.scene import Scene
 
 
 def _widen(value: Any) -> Any:
@@ -37,9 +37,9 @@ class NumpyBackend:
 
     name = f"numpy {np.__version__}, float64"
 
-    def upload(self, frame: GBuffer, lights: LightArrays, layers: Sequence[str] = ()) -> NumpyPlanes:
+    def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> NumpyPlanes:
         """Take a frame; every layer is kept in any case."""
-        arguments = {name: _widen(value) for name, value in frame_arguments(frame, lights).items()}
+        arguments = {name: _widen(value) for name, value in frame_arguments(frame, scene).items()}
         arrays = {name: _widen(frame[name]) for name in frame}
         return NumpyPlanes(shape=frame.camera.shape, arrays=arrays, arguments=arguments)
 

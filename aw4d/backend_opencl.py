@@ -16,9 +16,10 @@ from aw4d import opencl
 from aw4d.backend import Planes, check_names, frame_arguments
 from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
-from aw4d.lights.light import LightArrays, balls, shapes
+from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
-from aw4d.passes import PASSES
+from aw4d.passes import GROUP_ITEMS, GROUPS, PASSES, TILE, WORKING, Stage, stages
+from aw4d.scene import Scene
 from reference_numpy.sampling import gauss_legendre
 
 _INCLUDE = re.compile(r'^#include "(?:include/)?(\w+\.h)"\n', re.MULTILINE)
@@ -94,7 +95,7 @@ class OpenCLBackend:
         self.width = width if width is not None else self.report.width
         self._context = self._cl.Context([self.report.device])
         self._queue = self._cl.CommandQueue(self._context)
-        self._kernels: dict[tuple[str, bool], _Kernel] = {}
+        self._kernels: dict[tuple[str, bool], list[_Kernel]] = {}
         self._pool: dict[str, Any] = {}
 
     @property
@@ -120,7 +121,7 @@ class OpenCLBackend:
             self._cl.enqueue_copy(self._queue, buffer, data)
         return buffer
 
-    def upload(self, frame: GBuffer, lights: LightArrays, layers: Sequence[str] = ()) -> OpenCLPlanes:
+    def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> OpenCLPlanes:
         """Copy a frame to the device, channel after channel, rows padded with their last pixel's value."""
         height, width = frame.camera.shape
         pitch = -(-width // self.width) * self.width
@@ -130,8 +131,9 @@ class OpenCLBackend:
             planar = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
             padded = np.pad(planar, ((0, 0), (0, 0), (0, pitch - width)), mode="edge")
             buffers[name] = self._to_device(name, padded.view(np.uint8) if padded.dtype == np.bool_ else padded)
-        arguments: dict[str, Any] = {"light_count": len(lights)}
-        given = frame_arguments(frame, lights) | {"light_ball": balls(lights), "light_shape": shapes(lights)}
+        arguments: dict[str, Any] = {"light_count": len(scene.lights), "width": width, "height": height}
+        prepared = {"light_ball": balls(scene.lights), "light_shape": shapes(scene.lights)}
+        given = frame_arguments(frame, scene) | prepared
         for name, value in given.items():
             arguments[name] = self._to_device(name, value) if np.ndim(value) else value
         planes = OpenCLPlanes(
@@ -140,48 +142,68 @@ class OpenCLBackend:
         planes.arguments |= {"pitch": pitch, "plane": planes.plane}
         return planes
 
-    def _kernel(self, name: str, layers: bool) -> _Kernel:
+    def _build(self, name: str, layers: bool) -> list[_Kernel]:
+        """The kernels of a pass in order, built once."""
         key = (name, layers)
         if key not in self._kernels:
-            options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}"] + ["-DLAYERS"] * layers
+            options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
             # Not pyopencl's own cache: a kernel out of a binary has lost its argument names on Intel's runtime.
             # PoCL and the GPU drivers cache what they build by themselves.
             try:
-                program = self._cl.Program(self._context, source(name)).build(options, cache_dir=False)
-                self._kernels[key] = _Kernel(self._cl, self._cl.Kernel(program, name))
+                program = self._cl.Program(self._context, source(name))
+                program.build(options + ["-DLAYERS"] * layers, cache_dir=False)
+                built = [_Kernel(self._cl, self._cl.Kernel(program, stage.kernel)) for stage in stages(name)]
+                self._kernels[key] = built
             except self._cl.Error as error:
                 reason = opencl.first_error(error)
                 raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
         return self._kernels[key]
 
     def run(self, name: str, planes: Planes, p: Params) -> None:
-        """Enqueue `cl/<name>.cl:<name>`; every argument is found by its name.
+        """Enqueue the kernels of `cl/<name>.cl`; every argument is found by its name.
 
         Raises
         ------
         TypeError
-            The kernel takes an argument that neither frame nor parameters have, or ignores a parameter.
+            A kernel takes an argument that neither frame nor parameters have, or none takes a parameter.
         """
         assert isinstance(planes, OpenCLPlanes)
         wanted_layers = PASSES[name].layers if planes.layers & PASSES[name].layers.keys() else {}
-        kernel = self._kernel(name, bool(wanted_layers))
-        for layer, channels in wanted_layers.items():
-            planes.buffers[layer] = self._buffer(layer, 4 * channels * planes.plane)
+        kernels = self._build(name, bool(wanted_layers))
+        new = {plane: WORKING[plane] for plane in PASSES[name].writes if plane not in planes.buffers}
+        for plane, channels in (wanted_layers | new).items():
+            planes.buffers[plane] = self._buffer(plane, 4 * channels * planes.plane)
         own = scalar_arguments(p)
         tables = {
             key: self._to_device(key, np.asarray(value, dtype=np.float32))
             for key, value in own.items()
             if isinstance(value, np.ndarray)
         }
-        at_hand = planes.buffers | planes.arguments | own | tables
-        check_names(name, set(kernel.types), set(at_hand), set(own))
-        kernel.enqueue(self._queue, (planes.pitch // self.width, planes.shape[0]), self._group(planes), at_hand)
+        at_hand = planes.buffers | planes.arguments | own | tables | self._scratch(name, planes)
+        check_names(name, {argument for kernel in kernels for argument in kernel.types}, set(at_hand), set(own))
+        for stage, kernel in zip(stages(name), kernels, strict=True):
+            kernel.enqueue(self._queue, *self._size(stage, planes), at_hand)
 
-    def _group(self, planes: OpenCLPlanes) -> tuple[int, int] | None:
-        """A CPU takes two rows a work-group: a few hundred groups balance its cores; a GPU's driver chooses."""
-        columns, rows = planes.pitch // self.width, planes.shape[0]
-        fits = self.report.kind == "cpu" and rows % 2 == 0 and 2 * columns <= self.report.device.max_work_group_size
-        return (columns, 2) if fits else None
+    def _scratch(self, name: str, planes: OpenCLPlanes) -> dict[str, Any]:
+        """Buffers that the stages of a pass share, kept from frame to frame."""
+        size = (planes.shape[0], planes.pitch, planes.arguments["light_count"])
+        return {key: self._buffer(key, max(4 * count(*size), 4)) for key, count in PASSES[name].scratch.items()}
+
+    def _size(self, stage: Stage, planes: OpenCLPlanes) -> tuple[tuple[int, int], tuple[int, int] | None]:
+        """Work-items of a stage, and how many a group holds; None: the driver chooses.
+
+        A CPU takes two rows of pixels a group: a few hundred groups balance its cores.
+        """
+        height, width = planes.shape
+        if stage.over == "one":
+            return (1, 1), (1, 1)
+        if stage.over == "groups":
+            return (GROUP_ITEMS, min(GROUPS, height)), (GROUP_ITEMS, 1)
+        if stage.over == "tiles":
+            return (-(-width // TILE), -(-height // TILE)), None
+        columns = planes.pitch // self.width
+        fits = self.report.kind == "cpu" and height % 2 == 0 and 2 * columns <= self.report.device.max_work_group_size
+        return (columns, height), (columns, 2) if fits else None
 
     def finish(self) -> None:
         """Wait until the device has done all that was asked of it."""
@@ -190,10 +212,10 @@ class OpenCLBackend:
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes and layers by name, without their padding, (H, W) or (H, W, 3)."""
         assert isinstance(planes, OpenCLPlanes)
-        layers = {layer: n for entry in PASSES.values() for layer, n in entry.layers.items()}
+        held = WORKING | {layer: n for entry in PASSES.values() for layer, n in entry.layers.items()}
         out = {}
         for name in names:
-            channels = layers[name] if name in layers else PLANES[name].channels
+            channels = held[name] if name in held else PLANES[name].channels
             padded = np.empty((channels, planes.shape[0], planes.pitch), dtype=np.float32)
             self._cl.enqueue_copy(self._queue, padded, planes.buffers[name])
             image = padded[:, :, : planes.shape[1]]
@@ -216,7 +238,7 @@ class _Kernel:
     def enqueue(
         self, queue: Any, size: tuple[int, int], group: tuple[int, int] | None, at_hand: dict[str, Any]
     ) -> None:
-        """Set every argument and enqueue over (columns of vectors, rows), in groups of that size or the driver's."""
+        """Set every argument and enqueue over (columns, rows) of work-items, in groups of that size or the driver's."""
         for i, (name, kind) in enumerate(self.types.items()):
             self._kernel.set_arg(i, self._convert(name, kind, at_hand[name]))
         self._cl.enqueue_nd_range_kernel(queue, self._kernel, size, group)

@@ -34,7 +34,7 @@ err_console = Console(stderr=True)
 ClipPath = Annotated[Path, typer.Argument(help="A clip made by `aw4d ingest`.")]
 OutClip = Annotated[Path, typer.Option("-o", "--out", help="The clip to write.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the clip if it exists.")]
-Weather = Annotated[str, typer.Option("--weather", "-w", help="fog.")]
+Weather = Annotated[str, typer.Option("--weather", "-w", help="dawn, dusk, fog, night or overcast.")]
 Set = Annotated[list[str] | None, typer.Option("--set", help="A parameter: fog.visibility_m=60. Repeatable.")]
 Frames = Annotated[str | None, typer.Option("--frames", help="A:B as in Python, or one frame.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
@@ -220,10 +220,9 @@ def edit(
     from aw4d.output import check_target, write_edit
     from aw4d.pipeline import plan
     from aw4d.render import open_backend
-    from aw4d.weathers import settings
 
     opened = Clip(clip)
-    made = plan(opened, weather, settings(set_ or ()))
+    made = plan(opened, weather, set_ or ())
     chosen = indices(frames, len(opened))
     check_target(out, kind=kind, layer_folder=layers, overwrite=overwrite)
     for name, reason in made.skipped.items():
@@ -250,11 +249,10 @@ def compare(clip: ClipPath, weather: Weather, set_: Set = None, frames: Frames =
     from aw4d.compare import BAR_MAX, BAR_P9999, to_json
     from aw4d.compare import compare as measure
     from aw4d.pipeline import plan
-    from aw4d.weathers import settings
 
     opened = Clip(clip)
     chosen = indices(frames, len(opened))
-    rows = measure(opened, plan(opened, weather, settings(set_ or ())), chosen)
+    rows = measure(opened, plan(opened, weather, set_ or ()), chosen)
     if as_json:
         print(json.dumps(to_json(rows, chosen), indent=2))
         return

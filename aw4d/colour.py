@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from reference_numpy.srgb import linear_to_srgb, srgb_to_linear
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # of linear Rec. 709
+
 _TO_LINEAR = srgb_to_linear(np.arange(256) / 255).astype(np.float32)
 _CODE_BITS = 16
 # The steepest part of the curve rises by 12.92 * 255 / 65535 = 0.05 codes a step: the table rounds correctly

@@ -14,9 +14,8 @@ from aw4d.backend_numpy import NumpyBackend
 from aw4d.backend_opencl import OpenCLBackend
 from aw4d.clip import Clip
 from aw4d.errors import InputError
-from aw4d.lights.light import in_camera
 from aw4d.passes import PASSES
-from aw4d.pipeline import Plan, Step
+from aw4d.pipeline import Plan, Step, prepare
 
 BAR_P9999, BAR_MAX = 1e-5, 1e-4
 
@@ -68,11 +67,11 @@ def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
         raise InputError("compare: expected an OpenCL device to compare NumPy with, got none (see `aw4d doctor`)")
     worst: dict[tuple[str, str, str], tuple[float, float]] = {}
     for index in frames:
-        frame = clip.frame(index, made.planes)
-        lights = in_camera(made.lights, frame.camera)
+        frame = prepare(clip.frame(index, made.planes), made, index)
+        scene = made.lighting.scene(index, frame.camera)
         reference = NumpyBackend()
-        truth = reference.upload(frame, lights)
-        tried = {name: backend.upload(frame, lights, list(made.layers)) for name, backend in backends.items()}
+        truth = reference.upload(frame, scene)
+        tried = {name: backend.upload(frame, scene, list(made.layers)) for name, backend in backends.items()}
         for step in made.steps:
             names = _results(step)
             reference.run(step.name, truth, step.params)

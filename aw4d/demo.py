@@ -18,7 +18,7 @@ from aw4d.output import write_all, write_edit
 from aw4d.overlap import ahead
 from aw4d.pipeline import plan
 from aw4d.render import Frame
-from aw4d.weathers import WEATHERS, settings
+from aw4d.weathers import WEATHERS
 
 Progress = Callable[[Iterable[Frame], str], Iterator[Frame]]
 COLUMNS = 3  # moments of the clip on the contact sheet
@@ -71,7 +71,7 @@ def run(clip: Clip, out: Path, backend: Backend, progress: Progress) -> list[Pat
     rows.append(thumbs.row())
     for weather in WEATHERS:
         thumbs = _Thumbs(len(clip))
-        made = plan(clip, weather, settings())
+        made = plan(clip, weather)
         files.append(out / f"{weather}.mp4")
         watch = partial(_watched, thumbs, progress, weather)
         write_edit(clip, made, backend, range(len(clip)), files[-1], watch=watch)

@@ -138,6 +138,12 @@ class GBuffer(Mapping[str, Plane]):
         self.time = float(time)
         self._planes = {name: check_plane(name, values, *camera.shape) for name, values in planes.items()}
 
+    def with_plane(self, name: str, values: Plane) -> GBuffer:
+        """The same frame with one plane more, or another one in its place; only that one is checked."""
+        out = GBuffer({}, camera=self.camera, time=self.time)
+        out._planes = self._planes | {name: check_plane(name, values, *self.camera.shape)}
+        return out
+
     def __getitem__(self, name: str) -> Plane:
         try:
             return self._planes[name]

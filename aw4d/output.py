@@ -21,7 +21,7 @@ from aw4d.io.images import exr_channels, write_exr, write_png
 from aw4d.io.video import VideoWriter
 from aw4d.overlap import ahead
 from aw4d.pipeline import Plan
-from aw4d.render import Frame, frames_of
+from aw4d.render import EACH_LIGHT, Frame, frames_of
 
 FORMATS = ("png", "exr")
 VIDEO_SUFFIX = ".mp4"
@@ -92,7 +92,9 @@ def sidecar(clip: Clip, made: Plan, *, backend: str, frames: Sequence[int], seco
         "passes": [step.name for step in made.steps],
         "skipped": made.skipped,
         "settings": dataclasses.asdict(made.settings),
-        "lights": [dataclasses.asdict(light) for light in made.lights],
+        "white_cd_m2": made.lighting.white_cd_m2,
+        "illuminance_lux": made.lighting.environment.illuminance,
+        "lights": [dataclasses.asdict(light) for light in made.lighting.standing],
         "backend": backend,
         "frames": list(frames),
         "size": [clip.info.width, clip.info.height],
@@ -185,7 +187,7 @@ def write_edit(
     `watch` sees every frame on its way, to show progress.
     """
     start = time.perf_counter()
-    layers = list(made.layers) if layer_folder is not None else []
+    layers = [*made.layers, EACH_LIGHT] if layer_folder is not None else []
     with (
         replacing(sidecar_path(out)) as note,
         closing(ahead(frames_of(clip, made, backend, chosen, layers))) as frames,

@@ -5,22 +5,23 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aw4d.backend import Backend
 from aw4d.clip import Clip
+from aw4d.environment import rendered
 from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
-from aw4d.lights.ego import headlights
-from aw4d.lights.light import Light, in_camera, read_lights
-from aw4d.params import RGB, FogParams, Params
+from aw4d.lighting import Lighting, lighting
+from aw4d.params import AmbientParams, FogParams, Params
 from aw4d.passes import PASSES
 from aw4d.weathers import Settings, find, nearest
+from aw4d.weathers import settings as weather_settings
 
-GREY: RGB = (0.5, 0.5, 0.5)
-LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec. 709
+LIGHT_LAYER = "light-"  # radiance of one light: the layer's name goes on with the light's
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,22 +44,20 @@ class Plan:
         Passes in order.
     skipped
         Passes that would change nothing, with the reason.
-    lights
-        Lights of the scene.
+    lighting
+        Lights and environment.
     settings
         The parameters it was made from.
+    planes
+        Planes that must be read from the clip, no others.
     """
 
     weather: str
     steps: tuple[Step, ...]
     skipped: dict[str, str]
-    lights: tuple[Light, ...]
+    lighting: Lighting
     settings: Settings
-
-    @property
-    def planes(self) -> tuple[str, ...]:
-        """Planes that must be read from the clip, no others."""
-        return tuple(dict.fromkeys(["rgb", *(name for step in self.steps for name in PASSES[step.name].reads)]))
+    planes: tuple[str, ...]
 
     @property
     def layers(self) -> dict[str, int]:
@@ -66,49 +65,70 @@ class Plan:
         return {layer: n for step in self.steps for layer, n in PASSES[step.name].layers.items()}
 
 
-def environment_color(clip: Clip) -> RGB:
-    """Mean radiance of the surroundings, half sky and half ground as the clip shows them; grey where it shows neither.
-
-    Its luminance (Rec. 709) in all three channels: the picture's sky is blue because the sun is not in it, while fog is
-    lit by both and looks white.
-    """
-    seen = list(clip.info.environment.values())
-    if not seen:
-        return GREY
-    luminance = float(np.mean(seen, axis=0) @ LUMINANCE)
-    return luminance, luminance, luminance
-
-
-def plan(clip: Clip, weather: str, settings: Settings) -> Plan:
-    """Decide what runs.
+def plan(clip: Clip, weather: str, assignments: Sequence[str] = ()) -> Plan:
+    """Decide what runs under a weather with `group.field=value` assignments over its own parameters.
 
     Raises
     ------
     InputError
-        The weather is unknown, the clip lacks a plane that a pass reads, or the file of lights is wrong.
+        The weather or a parameter is unknown or out of range, the clip lacks a plane that a pass reads, or a file of
+        lights, a map or frames are wrong.
     """
-    lights = [*headlights(settings.headlights), *(read_lights(settings.lights.file) if settings.lights.file else [])]
+    settings = weather_settings(weather, assignments)
+    lit = lighting(clip, settings)
+    settings = _resolved(settings, lit)
+    steps: list[Step] = []
+    skipped: dict[str, str] = {}
+    for name in find(weather).passes:
+        params = getattr(settings, name)
+        if reason := _idle(name, params, clip, lit, skipped):
+            skipped[name] = reason
+            continue
+        _check_planes(clip, name, made_before={plane for step in steps for plane in PASSES[step.name].writes})
+        steps.append(Step(name=name, params=params))
+    return Plan(
+        weather=weather,
+        steps=tuple(steps),
+        skipped=skipped,
+        lighting=lit,
+        settings=settings,
+        planes=_planes(clip, steps),
+    )
+
+
+def _resolved(settings: Settings, lit: Lighting) -> Settings:
+    """Settings with what follows from the environment: fog has the colour of the surroundings' mean radiance."""
     fog = settings.fog
     if fog.color is None:
-        fog = dataclasses.replace(fog, color=environment_color(clip))
-    settings = dataclasses.replace(settings, fog=fog)
-    steps, skipped = [], {}
-    for name in find(weather).passes:
-        missing = [plane for plane in PASSES[name].reads if plane not in clip.planes]
-        if missing:
-            raise InputError(f"{clip.path}: {name} needs the plane {', '.join(missing)}, which this clip does not have")
-        params = getattr(settings, name)
-        if reason := _idle(params):
-            skipped[name] = reason
-        else:
-            steps.append(Step(name=name, params=params))
-    return Plan(weather=weather, steps=tuple(steps), skipped=skipped, lights=tuple(lights), settings=settings)
+        red, green, blue = (float(c) / lit.white_cd_m2 for c in lit.environment.mean_radiance())
+        fog = dataclasses.replace(fog, color=(red, green, blue))
+    return dataclasses.replace(settings, fog=fog)
 
 
-def _idle(params: Params) -> str:
-    """Why a pass with these parameters would change nothing; empty where it would."""
+def _check_planes(clip: Clip, name: str, made_before: set[str]) -> None:
+    needed = set(PASSES[name].reads) - set(PASSES[name].optional) - made_before
+    if missing := sorted(needed - set(clip.planes)):
+        raise InputError(f"{clip.path}: {name} needs the plane {', '.join(missing)}, which this clip does not have")
+
+
+def _planes(clip: Clip, steps: Sequence[Step]) -> tuple[str, ...]:
+    """Planes to read: what the steps take, and the vehicles on which lamps shine."""
+    wanted = ["rgb", *(plane for step in steps for plane in PASSES[step.name].reads)]
+    if any(step.name == "spot_lights" for step in steps):
+        wanted.append("vehicle")
+    return tuple(dict.fromkeys(plane for plane in wanted if plane in clip.planes))
+
+
+def _idle(name: str, params: Params, clip: Clip, lit: Lighting, skipped: dict[str, str]) -> str:
+    """Why a pass would change nothing; empty where it would."""
     if isinstance(params, FogParams) and params.extinction == 0 and params.beta == 0:
         return "the extinction is 0"
+    if isinstance(params, AmbientParams) and params.frames:
+        return "frames of a renderer are given"
+    if name == "spot_lights" and "emissive" not in clip.planes and not any(map(lit.lights, range(len(clip)))):
+        return "there are no lights"
+    if name == "harmonize" and "spot_lights" in skipped:
+        return "there is no light to add"
     return ""
 
 
@@ -119,12 +139,46 @@ def check_layers(made: Plan, layers: Sequence[str]) -> None:
             raise InputError(f"--layers: no step gives {layer!r}{nearest(layer, made.layers)}")
 
 
-def render(backend: Backend, frame: GBuffer, made: Plan, layers: Sequence[str] = ()) -> dict[str, NDArray[np.float32]]:
+def prepare(frame: GBuffer, made: Plan, index: int) -> GBuffer:
+    """A frame of the clip as the steps take it: with all that shines by itself, over another renderer's light."""
+    if made.settings.ambient.frames:
+        frame = frame.with_plane("rgb", rendered(Path(made.settings.ambient.frames), index, frame.camera.shape))
+    if any(step.name == "spot_lights" for step in made.steps):
+        frame = frame.with_plane("emissive", made.lighting.emissive(frame, index))
+    return frame
+
+
+def render(
+    backend: Backend, frame: GBuffer, made: Plan, index: int, layers: Sequence[str] = ()
+) -> dict[str, NDArray[np.float32]]:
     """One frame through the plan: `rgb` scene-linear (H, W, 3), and the layers asked for.
 
-    A pure function of frame and plan: any frame alone comes out as in the whole run.
+    A pure function of clip, plan and index: any frame alone comes out as in the whole run.
     """
-    planes = backend.upload(frame, in_camera(made.lights, frame.camera), layers)
+    frame = prepare(frame, made, index)
+    planes = backend.upload(frame, made.lighting.scene(index, frame.camera), layers)
     for step in made.steps:
         backend.run(step.name, planes, step.params)
     return backend.download(planes, ["rgb", *layers])
+
+
+def each_light(backend: Backend, frame: GBuffer, made: Plan, index: int) -> dict[str, NDArray[np.float32]]:
+    """Radiance of every local light alone, by the layer's name; those that reach no surface of the frame left out."""
+    step = next((step for step in made.steps if step.name == "spot_lights"), None)
+    if step is None:
+        return {}
+    dark = frame.with_plane("emissive", np.zeros((*frame.camera.shape, 3), dtype=np.float32))
+    out = {}
+    for light in made.lighting.lights(index):
+        planes = backend.upload(dark, made.lighting.alone(light, frame.camera))
+        backend.run(step.name, planes, step.params)
+        radiance = backend.download(planes, ["direct"])["direct"]
+        if radiance.any():
+            out[LIGHT_LAYER + light.name] = radiance
+    return out
+
+
+def before_grading(made: Plan) -> Plan:
+    """The plan up to the night's grading."""
+    names = [step.name for step in made.steps]
+    return dataclasses.replace(made, steps=made.steps[: names.index("night_grade")])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -12,14 +13,16 @@ from numpy.typing import NDArray
 from aw4d.backend import Backend
 from aw4d.backend_numpy import NumpyBackend
 from aw4d.clip import Clip
-from aw4d.colour import encode_srgb8
+from aw4d.colour import LUMINANCE, encode_srgb8
 from aw4d.errors import InputError
 from aw4d.overlap import ahead
-from aw4d.pipeline import Plan, check_layers, plan, render
-from aw4d.weathers import nearest, settings
+from aw4d.pipeline import Plan, before_grading, check_layers, each_light, plan, render
+from aw4d.weathers import nearest
 
 log = logging.getLogger("aw4d")
 BACKENDS = ("auto", "opencl", "numpy")
+EACH_LIGHT = "lights"  # the layer that stands for one layer a light
+EXPOSURE_FRAMES = 5  # from which a steady exposure is measured
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,11 +70,37 @@ def open_backend(name: str = "auto", device: int | None = None) -> Backend:
 def frames_of(
     clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int], layers: Sequence[str] = ()
 ) -> Iterator[Frame]:
-    """Edited frames in the order asked for; the next ones are decoded while one is computed."""
-    check_layers(made, layers)
+    """Edited frames in the order asked for; the next ones are decoded while one is computed.
+
+    `layers` may name `EACH_LIGHT` too: the radiance of every local light alone.
+    """
+    own = [layer for layer in layers if layer != EACH_LIGHT]
+    check_layers(made, own)
+    made = with_clip_exposure(clip, made, backend)
     for index, source in zip(chosen, ahead(clip.frame(i, made.planes) for i in chosen), strict=True):
-        out = render(backend, source, made, layers)
-        yield Frame(index=index, time=source.time, rgb=out.pop("rgb"), layers=out)
+        out = render(backend, source, made, index, own)
+        rgb = out.pop("rgb")
+        if EACH_LIGHT in layers:
+            out |= each_light(backend, source, made, index)
+        yield Frame(index=index, time=source.time, rgb=rgb, layers=out)
+
+
+def with_clip_exposure(clip: Clip, made: Plan, backend: Backend) -> Plan:
+    """The plan with one exposure for the whole clip where its night grading asks for that.
+
+    The median of what some frames spread over the clip measure: a function of the clip, whichever frames are rendered.
+    """
+    graded = made.settings.night_grade
+    if not graded.steady or graded.luminance is not None or all(step.name != "night_grade" for step in made.steps):
+        return made
+    ungraded = before_grading(made)
+    seen = []
+    for index in sorted(set(np.linspace(0, len(clip) - 1, EXPOSURE_FRAMES).round().astype(int).tolist())):
+        rgb = render(backend, clip.frame(index, made.planes), ungraded, index)["rgb"]
+        seen.append(np.percentile(rgb @ LUMINANCE, graded.percentile, method="inverted_cdf"))
+    fixed = dataclasses.replace(graded, luminance=float(np.median(seen)))
+    steps = tuple(dataclasses.replace(s, params=fixed) if s.name == "night_grade" else s for s in made.steps)
+    return dataclasses.replace(made, steps=steps, settings=dataclasses.replace(made.settings, night_grade=fixed))
 
 
 def edit(
@@ -91,7 +120,7 @@ def edit(
     clip
         An open clip.
     weather
-        "fog".
+        "dawn", "dusk", "fog", "night" or "overcast".
     backend, device
         "auto", "opencl" or "numpy", and the device's index (see `aw4d doctor`).
     frames
@@ -111,6 +140,6 @@ def edit(
     InputError
         Anything asked for does not exist or cannot work; says what.
     """
-    made = plan(clip, weather, settings(assignments))
+    made = plan(clip, weather, assignments)
     chosen = range(len(clip)) if frames is None else frames
     yield from frames_of(clip, made, open_backend(backend, device), chosen, layers)

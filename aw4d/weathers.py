@@ -6,31 +6,79 @@ import dataclasses
 import difflib
 import typing
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from aw4d.errors import InputError
-from aw4d.params import RGB, FogParams, HeadlightParams, LightParams, Params
+from aw4d.params import (
+    RGB,
+    AmbientParams,
+    ExposureParams,
+    FogParams,
+    HarmonizeParams,
+    HeadlightParams,
+    LightParams,
+    NightGradeParams,
+    OvercastSkyParams,
+    Params,
+    SpotLightsParams,
+    StreetLampParams,
+    VehicleLightParams,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """Parameters of everything that an edit can run."""
+    """Parameters of everything that an edit can run, by group."""
 
-    fog: FogParams = dataclasses.field(default_factory=FogParams)
-    headlights: HeadlightParams = dataclasses.field(default_factory=HeadlightParams)
-    lights: LightParams = dataclasses.field(default_factory=LightParams)
+    ambient: AmbientParams = field(default_factory=AmbientParams)
+    exposure: ExposureParams = field(default_factory=ExposureParams)
+    fog: FogParams = field(default_factory=FogParams)
+    harmonize: HarmonizeParams = field(default_factory=HarmonizeParams)
+    headlights: HeadlightParams = field(default_factory=HeadlightParams)
+    lights: LightParams = field(default_factory=LightParams)
+    night_grade: NightGradeParams = field(default_factory=NightGradeParams)
+    overcast_sky: OvercastSkyParams = field(default_factory=OvercastSkyParams)
+    spot_lights: SpotLightsParams = field(default_factory=SpotLightsParams)
+    street_lamps: StreetLampParams = field(default_factory=StreetLampParams)
+    vehicle_lights: VehicleLightParams = field(default_factory=VehicleLightParams)
+
+
+GROUPS: dict[str, type[Params]] = typing.get_type_hints(Settings)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Weather:
-    """A named weather: its passes in order."""
+    """A named weather: what it is for people, its passes in order, and what it sets other than the defaults."""
 
+    about: str
     passes: tuple[str, ...]
+    sets: tuple[str, ...]
 
 
-WEATHERS: dict[str, Weather] = {"fog": Weather(passes=("fog",))}
-GROUPS: dict[str, type[Params]] = {"fog": FogParams, "headlights": HeadlightParams, "lights": LightParams}
+_RELIT = ("ambient", "spot_lights", "harmonize")
+_BY_DAY = ("headlights.on=off", "lights.street=off", "lights.vehicles=off")
+
+WEATHERS: dict[str, Weather] = {
+    "fog": Weather(
+        about="dense fog in deep dusk, headlights on",
+        passes=(*_RELIT, "fog"),
+        sets=("ambient.preset=overcast", "ambient.illuminance_lux=79", "exposure.white_cd_m2=25"),
+    ),
+    "overcast": Weather(
+        about="a grey day without shadows",
+        passes=("ambient", "overcast_sky", "spot_lights", "harmonize"),
+        sets=("ambient.preset=overcast", *_BY_DAY),
+    ),
+    "dawn": Weather(about="the sun on the horizon", passes=_RELIT, sets=("ambient.preset=dawn", "exposure.ev=-1")),
+    "dusk": Weather(about="the blue hour, lights on", passes=_RELIT, sets=("ambient.preset=blue_hour",)),
+    "night": Weather(
+        about="midnight: lamps, headlights, a faint sky",
+        # The night's grading is for what no lamp lights (paper, "Nocturnal Local Relighting"): lamps keep their colour.
+        passes=("ambient", "night_grade", "spot_lights", "harmonize"),
+        sets=("ambient.preset=midnight",),
+    ),
+}
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -89,23 +137,22 @@ def _assignment(text: str) -> tuple[str, str, Any]:
         raise InputError(f"--set {key}: expected {expected}, got {value!r}") from None
 
 
-def settings(assignments: Sequence[str] = ()) -> Settings:
-    """All parameters, with `group.field=value` assignments over their defaults.
+def settings(weather: str, assignments: Sequence[str] = ()) -> Settings:
+    """All parameters of a weather, with `group.field=value` assignments over its own.
 
     Raises
     ------
     InputError
-        A key is unknown (the nearest is suggested), or a value cannot be read or is out of range.
+        The weather or a key is unknown (the nearest is suggested), or a value cannot be read or is out of range.
     """
     given: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
-    for text in assignments:
+    for text in (*find(weather).sets, *assignments):
         group, name, value = _assignment(text)
         given[group][name] = value
-    try:
-        return Settings(
-            fog=FogParams(**given["fog"]),
-            headlights=HeadlightParams(**given["headlights"]),
-            lights=LightParams(**given["lights"]),
-        )
-    except InputError as error:
-        raise InputError(f"--set: {error}") from None
+    made: dict[str, Any] = {}
+    for group, params in GROUPS.items():
+        try:
+            made[group] = params(**given[group])
+        except InputError as error:
+            raise InputError(f"--set {group}.{error}") from None
+    return Settings(**made)

@@ -9,37 +9,12 @@
  * pi and float32 loses the difference to it: there `flip` is set and a is the scattering angle's supplement.
  */
 #include "include/exp.h"
+#include "include/lamp.h"
 #include "include/phase.h"
 #include "include/trig.h"
 #include "include/vec.h"
 
-#define DIRECTIONAL 0    /* light_kind; points and spots differ in light_shape alone */
 #define PAPER 1          /* convention */
-#define EPSILON 1e-4f    /* [m^2] softening of 1/d^2: a lamp's radius of 1 cm, squared */
-
-typedef struct {
-    float px, py, pz;    /* position, camera frame [m] */
-    float dx, dy, dz;    /* the way the light travels, unit */
-    float cos_outer;     /* -1: no cone */
-    float sin2_outer;
-    float inv_cone;      /* 1 / (cos_inner - cos_outer) */
-    float inv_reach;     /* 1 / r_max [1/m] */
-    float reach2;        /* r_max^2 [m^2] */
-} Lamp;
-
-/* Angular falloff S of t = (cos - cos_outer) / (cos_inner - cos_outer): clamped to [0, 1] before squaring. */
-static inline floatw cone(const floatw t)
-{
-    const floatw c = clamp(t, 0.0f, 1.0f);
-    return c * c;
-}
-
-/* Distance window W = (1 - (r / r_max)^4)^2 of t = 1 - (r / r_max)^2: clamped at 0 before squaring. */
-static inline floatw window(const floatw t)
-{
-    const floatw w = fmax(fma(-t, t, 2.0f * t), 0.0f);
-    return w * w;
-}
 
 /* The printed in-scatter: phase and attenuated light at the surface at range s. */
 static inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw s, const float g)
@@ -115,7 +90,7 @@ static inline floatw axis_across(
 
 /* Single-scattering integral along the rays (x, y, z), equiangular (Kulla and Fajardo 2012). */
 static inline floatw along_ray(
-    const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw s,
+    const Lamp lamp, const float r_max, const floatw x, const floatw y, const floatw z, const floatw s,
     const float extinction, const float g,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
 {
@@ -125,7 +100,7 @@ static inline floatw along_ray(
     const floatw ay = lamp.pz * x - lamp.px * z;
     const floatw az = lamp.px * y - lamp.py * x;
     const floatw D2 = fma(ax, ax, fma(ay, ay, fma(az, az, EPSILON)));
-    const floatw reach2 = lamp.reach2 - D2;
+    const floatw reach2 = r_max * r_max - D2;
     const bool spot = lamp.cos_outer >= 0.0f;
     intw lit = reach2 > 0.0f;
     intw flip = t0 < 0.0f;
@@ -270,25 +245,18 @@ __kernel void fog(
         if (kind != DIRECTIONAL && convention != PAPER && misses(vload4(l, light_ball), bundle, half_angle, s))
             continue;
         const float3 E = vload3(l, light_intensity) * (gamma * scattering);
-        const float3 p = vload3(l, light_position), d = vload3(l, light_direction);
         floatw glow;
         if (kind == DIRECTIONAL) {
+            const float3 d = vload3(l, light_direction);
             const floatw mu = -fma(x, d.x, fma(y, d.y, z * d.z));
             glow = henyey_greenstein(mu, g);
             if (convention != PAPER)
                 glow *= extinction > 0.0f ? opacity / extinction : s;
         } else {
-            Lamp lamp;
-            lamp.px = p.x; lamp.py = p.y; lamp.pz = p.z;
-            lamp.dx = d.x; lamp.dy = d.y; lamp.dz = d.z;
-            const float4 shape = vload4(l, light_shape);
-            lamp.cos_outer = shape.x;
-            lamp.sin2_outer = shape.y;
-            lamp.inv_cone = shape.z;
-            lamp.inv_reach = shape.w;
-            lamp.reach2 = light_r_max[l] * light_r_max[l];
-            glow = convention == PAPER ? at_surface(lamp, x, y, z, s, g)
-                                       : along_ray(lamp, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
+            const Lamp a = lamp(l, light_position, light_direction, light_shape);
+            glow = convention == PAPER
+                ? at_surface(a, x, y, z, s, g)
+                : along_ray(a, light_r_max[l], x, y, z, s, extinction, g, node_x, node_w, node_pairs);
         }
         r = fma(glow, E.x, r);
         g_ = fma(glow, E.y, g_);

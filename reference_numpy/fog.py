@@ -17,13 +17,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from reference_numpy.lamp import DIRECTIONAL, EPSILON, Lamp, lamp
 from reference_numpy.phase import henyey_greenstein
 from reference_numpy.sampling import gauss_legendre, path_length, rays
 
 Array = NDArray[np.float64]
-
-DIRECTIONAL, POINT, SPOT = 0, 1, 2
-EPSILON = 1e-4  # [m^2] paper's softening of 1/d^2: the square of a lamp's radius of 1 cm
 
 
 def fog(
@@ -112,17 +110,19 @@ def fog(
         if light_kind[i] == DIRECTIONAL:
             glow = _directional(ray, s, opacity, light_direction[i], extinction=extinction, g=g, paper=paper)
         else:
-            lamp = _Lamp(
-                light_position[i],
-                light_direction[i],
-                light_cos_inner[i],
-                light_cos_outer[i] if light_kind[i] == SPOT else -1.0,
-                light_r_max[i],
+            source = lamp(
+                i,
+                light_kind=light_kind,
+                light_position=light_position,
+                light_direction=light_direction,
+                light_cos_inner=light_cos_inner,
+                light_cos_outer=light_cos_outer,
+                light_r_max=light_r_max,
             )
             if paper:
-                glow = _at_surface(lamp, ray, s, g=g)
+                glow = _at_surface(source, ray, s, g=g)
             else:
-                glow = _along_ray(lamp, ray, s, extinction=extinction, g=g, nodes=nodes)
+                glow = _along_ray(source, ray, s, extinction=extinction, g=g, nodes=nodes)
         in_scatter += gamma * scattering * glow[..., None] * light_intensity[i]
 
     fog_color = np.asarray(color, dtype=np.float64)
@@ -138,28 +138,6 @@ def fog(
     }
 
 
-class _Lamp:
-    """A point or spot light in the camera frame; a point has cos_outer = -1."""
-
-    def __init__(self, position: Array, direction: Array, cos_inner: float, cos_outer: float, r_max: float) -> None:
-        self.position = np.asarray(position, dtype=np.float64)
-        axis = np.asarray(direction, dtype=np.float64)
-        self.direction = axis / np.linalg.norm(axis)  # a float32 direction is unit to 1e-7 only
-        self.cos_inner = float(cos_inner)
-        self.cos_outer = float(cos_outer)
-        self.r_max = float(r_max)
-
-    def cone(self, cos_angle: Array) -> Array:
-        """Angular falloff S, clamped to [0, 1] before squaring. Paper, eq. "light_pass"."""
-        if self.cos_outer < 0:
-            return np.ones_like(cos_angle)
-        return np.clip((cos_angle - self.cos_outer) / (self.cos_inner - self.cos_outer), 0.0, 1.0) ** 2
-
-    def window(self, r2: Array) -> Array:
-        """Distance window W, clamped at 0 before squaring: no light returns beyond r_max."""
-        return np.maximum(1 - (r2 / self.r_max**2) ** 2, 0.0) ** 2
-
-
 def _directional(
     ray: Array, s: Array, opacity: Array, direction: Array, *, extinction: float, g: float, paper: bool
 ) -> Array:
@@ -170,7 +148,7 @@ def _directional(
     return phase * (opacity / extinction if extinction > 0 else s)
 
 
-def _at_surface(lamp: _Lamp, ray: Array, s: Array, *, g: float) -> Array:
+def _at_surface(lamp: Lamp, ray: Array, s: Array, *, g: float) -> Array:
     """The printed in-scatter: phase and attenuated light at the surface, whatever lies between."""
     to_surface = ray * s[..., None] - lamp.position
     r2 = np.einsum("...c,...c->...", to_surface, to_surface) + EPSILON
@@ -179,7 +157,7 @@ def _at_surface(lamp: _Lamp, ray: Array, s: Array, *, g: float) -> Array:
     return henyey_greenstein(cos_theta, g=g) * lamp.cone(to_surface @ lamp.direction / r) * lamp.window(r2) / r2
 
 
-def _along_ray(lamp: _Lamp, ray: Array, s: Array, *, extinction: float, g: float, nodes: int) -> Array:
+def _along_ray(lamp: Lamp, ray: Array, s: Array, *, extinction: float, g: float, nodes: int) -> Array:
     """Single-scattering integral along each ray, equiangular (Kulla and Fajardo 2012), Gauss-Legendre in the angle.
 
     The substitution x = t0 - D cot(a) makes the 1/r^2 vanish: dx / r^2 = da / D, where a is the scattering angle, D the

@@ -14,6 +14,7 @@ from aw4d.camera import Camera
 from aw4d.gbuffer import GBuffer
 from aw4d.lights.light import Light, LightArrays, in_camera
 from aw4d.params import FogParams
+from aw4d.scene import Scene
 from reference_numpy.fog import fog
 
 EYE = np.eye(4)
@@ -75,7 +76,7 @@ def all_kinds() -> list[Light]:
 
 def arguments(source: GBuffer, lights: Sequence[Light], p: FogParams) -> dict[str, Any]:
     """Arguments of the reference in float64, from the float32 inputs that every backend gets."""
-    given = dict(source) | frame_arguments(source, in_camera(lights, source.camera)) | p.arguments()
+    given = dict(source) | frame_arguments(source, Scene(lights=in_camera(lights, source.camera))) | p.arguments()
     names = inspect.signature(fog).parameters
     return {name: _widen(given[name]) for name in names}
 
@@ -115,6 +116,6 @@ def _nudged(name: str, value: Any, rng: np.random.Generator) -> Any:
 def on(backend: Any, source: GBuffer, lights: Sequence[Light], p: FogParams) -> Mapping[str, NDArray[np.float32]]:
     """Every result of a backend."""
     arrays: LightArrays = in_camera(lights, source.camera)
-    planes = backend.upload(source, arrays, RESULTS[1:])
+    planes = backend.upload(source, Scene(lights=arrays), RESULTS[1:])
     backend.run("fog", planes, p)
     return backend.download(planes, RESULTS)

@@ -11,6 +11,9 @@ from aw4d import opencl
 from aw4d.backend_opencl import OpenCLBackend
 from aw4d.lights.light import in_camera
 from aw4d.params import FogParams
+from aw4d.passes import PASSES
+from aw4d.scene import Scene
+from tests import grade_inputs
 from tests.fog_inputs import all_kinds, frame, on, street_lamps
 
 SIZES = ((37, 13), (16, 2), (1, 1))  # width, height [px]
@@ -55,9 +58,22 @@ def fog(convention: str) -> None:
 
 
 def _without_layers(backend: OpenCLBackend, source: Any, p: FogParams) -> None:
-    planes = backend.upload(source, in_camera([], source.camera))
+    planes = backend.upload(source, Scene(lights=in_camera([], source.camera)))
     backend.run("fog", planes, p)
     assert np.isfinite(backend.download(planes, ["rgb"])["rgb"]).all()
+
+
+def grade(name: str) -> None:
+    """A pass that looks at no geometry, in both conventions, with layers and without, at every width and odd sizes."""
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source = grade_inputs.frame(columns, rows)
+            working = {"direct": source["rgb"]} if "direct" in PASSES[name].reads else {}
+            for convention, layers in (("physical", True), ("paper", False)):
+                p = PASSES[name].params(convention=convention)
+                for key, values in grade_inputs.on(backend, name, source, p, layers=layers, **working).items():
+                    assert np.isfinite(values).all(), key
 
 
 def faulty(name: str) -> None:
@@ -73,5 +89,5 @@ def faulty(name: str) -> None:
 
 
 if __name__ == "__main__":
-    run, case = {"fog": fog, "faulty": faulty}[sys.argv[1]], sys.argv[2]
+    run, case = {"fog": fog, "grade": grade, "faulty": faulty}[sys.argv[1]], sys.argv[2]
     run(case)

@@ -18,11 +18,11 @@ import pytest
 
 from aw4d import __version__
 from aw4d.cli import main
-from aw4d.clip import Clip
 from aw4d.ingest import ingest_street
 from aw4d.io.images import read_exr, read_png
 from aw4d.io.video import read_video
-from aw4d.weathers import GROUPS
+from aw4d.passes import PASSES
+from aw4d.weathers import GROUPS, WEATHERS
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAMES, WIDTH, HEIGHT = 3, 64, 36
@@ -240,7 +240,7 @@ def test_quiet_is_quiet(street: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["out.mp4", "out"])
 def test_the_sidecar_holds_everything(run: Run, street: Path, tmp_path: Path, name: str) -> None:
-    words = ["--set", "fog.visibility_m=60", "--set", "headlights.on=off", "--frames", "1:3"]
+    words = ["--set", "fog.visibility_m=60", "--set", "lights.off=ego,street", "--frames", "1:3"]
     assert _edit(run, street, tmp_path / name, *words).code == 0
     content = _strict((tmp_path / "out.json").read_text())
     for group, kind in GROUPS.items():
@@ -249,7 +249,8 @@ def test_the_sidecar_holds_everything(run: Run, street: Path, tmp_path: Path, na
     assert content["settings"]["fog"]["color"] is not None
     assert content["lights"] == []
     assert content["frames"] == [1, 2]
-    assert content["passes"] == ["fog"]
+    assert content["passes"] == list(WEATHERS["fog"].passes)
+    assert content["white_cd_m2"] == 25
     assert content["weather"] == "fog"
     assert content["aw4d"] == __version__
     assert content["size"] == [WIDTH, HEIGHT]
@@ -260,15 +261,12 @@ def test_a_pass_that_would_change_nothing_is_skipped(run: Run, street: Path, tmp
     out = tmp_path / "out"
     assert _edit(run, street, out, "--set", "fog.sigma_s=0", "--frames", ":1").code == 0
     content = _strict((tmp_path / "out.json").read_text())
-    assert content["passes"] == []
-    assert "fog" in content["skipped"]
-    assert np.array_equal(read_png(out / "000000.png"), _source_picture(street, 0))
-
-
-def _source_picture(street: Path, index: int) -> Any:
-    from aw4d.colour import encode_srgb8
-
-    return encode_srgb8(Clip(street).frame(index, ["rgb"])["rgb"])
+    assert content["passes"] == [name for name in WEATHERS["fog"].passes if name != "fog"]
+    assert list(content["skipped"]) == ["fog"]
+    clear = tmp_path / "clear"
+    assert _edit(run, street, clear, "--set", "fog.visibility_m=1e9", "--frames", ":1").code == 0
+    thin, none = (read_png(folder / "000000.png").astype(int) for folder in (clear, out))
+    assert np.abs(thin - none).max() <= 1
 
 
 # ---- pictures ----------------------------------------------------------------------------------------------------
@@ -300,12 +298,13 @@ def _exr(path: Path) -> Any:
 def test_the_layers_add_up_to_the_picture(run: Run, street: Path, tmp_path: Path, backend: str) -> None:
     words = ["--backend", backend, "--format", "exr", "--layers", tmp_path / "layers", "--frames", "0:2"]
     assert _edit(run, street, tmp_path / "out", *words).code == 0
-    assert {path.name for path in (tmp_path / "layers").iterdir()} == {"transmittance", "in_scatter", "airlight"}
+    names = {path.name for path in (tmp_path / "layers").iterdir()}
+    assert {"ambient", "direct", "transmittance", "in_scatter", "airlight", "light-ego-left"} <= names
     for index in range(2):
         name = f"{index:06d}.exr"
-        layer = {path.name: _exr(path / name) for path in (tmp_path / "layers").iterdir()}
-        source = Clip(street).frame(index, ["rgb"])["rgb"]
-        total = layer["transmittance"][..., None] * source + layer["in_scatter"] + layer["airlight"]
+        layer = {path.name: _exr(path / name) for path in (tmp_path / "layers").iterdir() if (path / name).exists()}
+        relit = layer["ambient"] + layer["direct"]
+        total = layer["transmittance"][..., None] * relit + layer["in_scatter"] + layer["airlight"]
         assert np.allclose(total, _exr(tmp_path / "out" / name), rtol=1e-5, atol=1e-7)
 
 
@@ -324,7 +323,8 @@ def test_compare_is_strict_json_and_within_the_bar(run: Run, street: Path, openc
     done = run("--quiet", "compare", street, "-w", "fog", "--json")
     assert done.code == 0
     content = _strict(done.out)
-    assert {row["plane"] for row in content["rows"]} == {"rgb", "transmittance", "in_scatter", "airlight"}
+    written = {plane for name in WEATHERS["fog"].passes for plane in (*PASSES[name].writes, *PASSES[name].layers)}
+    assert {row["plane"] for row in content["rows"]} == written
     assert all(row["within"] for row in content["rows"])
 
 
@@ -334,11 +334,15 @@ def test_the_demo_makes_videos_and_a_contact_sheet(run: Run, tmp_path: Path) -> 
         done = run("--quiet", "demo", *words)
         assert done.code == 0, done.err
         files = [Path(line) for line in done.out.splitlines()]
-        assert [file.name for file in files] == ["source.mp4", "fog.mp4", "contact_sheet.png"]
-    assert all(len(list(read_video(file))) == 3 for file in files[:2])
-    sheet = read_png(files[2])
+        assert [file.name for file in files] == [
+            "source.mp4",
+            *(f"{weather}.mp4" for weather in WEATHERS),
+            "contact_sheet.png",
+        ]
+    assert all(len(list(read_video(file))) == 3 for file in files[:-1])
+    sheet = read_png(files[-1])
     assert sheet.shape[1] % 3 == 0
-    assert sheet.shape[0] % 2 == 0
+    assert sheet.shape[0] % (1 + len(WEATHERS)) == 0
 
 
 def test_a_folder_that_is_no_drive_is_refused(run: Run, tmp_path: Path) -> None:

@@ -8,15 +8,32 @@ from pathlib import Path
 
 import pytest
 
-from aw4d.params import FogParams, HeadlightParams, Params
+from aw4d.params import Params
+from aw4d.weathers import GROUPS
 from tests.conftest import ROOT
 
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
-@pytest.mark.parametrize("params", [FogParams, HeadlightParams])
-def test_every_parameter_is_documented(params: type[Params]) -> None:
-    text = (ROOT / "docs" / "fog.md").read_text(encoding="utf-8")
+# Where the parameters of a group are described.
+PLACES = {
+    "ambient": "ambient.md",
+    "exposure": "light.md",
+    "fog": "fog.md",
+    "harmonize": "grade.md",
+    "headlights": "fog.md",
+    "lights": "lights.md",
+    "night_grade": "grade.md",
+    "overcast_sky": "grade.md",
+    "spot_lights": "light.md",
+    "street_lamps": "lights.md",
+    "vehicle_lights": "lights.md",
+}
+
+
+@pytest.mark.parametrize(("group", "params"), GROUPS.items())
+def test_every_parameter_is_documented(group: str, params: type[Params]) -> None:
+    text = (ROOT / "docs" / PLACES[group]).read_text(encoding="utf-8")
     for field in dataclasses.fields(params):
         assert f"`{field.name}`" in text, field.name
 

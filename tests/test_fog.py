@@ -16,7 +16,7 @@ from aw4d.compare import BAR_MAX, BAR_P9999, error
 from aw4d.errors import InputError
 from aw4d.lights.light import Light
 from aw4d.params import KOSCHMIEDER, FogParams
-from reference_numpy.fog import EPSILON
+from reference_numpy.lamp import EPSILON
 from tests.fog_inputs import RESULTS, all_kinds, frame, inherent_error, on, reference, street_lamps
 
 if TYPE_CHECKING:

@@ -42,7 +42,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Clip:
 def test_given_planes_are_kept(whole: Clip) -> None:
     for index in range(FRAMES):
         frame, given = whole.frame(index), made_up.planes(WIDTH, HEIGHT, index)
-        assert set(frame) == {*given, "rgb", "street_light"}
+        assert set(frame) == {*given, "rgb", "emissive", "street_light"}
         sky = given["sky"]
         np.testing.assert_array_equal(frame["depth"][~sky], given["depth"][~sky])
         np.testing.assert_allclose(frame["normal"], given["normal"], atol=2.5e-5)
@@ -266,7 +266,7 @@ def test_a_video_of_a_level_road(tmp_path: Path) -> None:
         for index in range(3):
             writer.write(made_up.picture(width, height, index))
     clip = ingest(open_video(tmp_path / "road.mp4", camera_height_m=1.5), tmp_path / "clip", workers=1)
-    assert set(clip.planes) == set(PLANES) - {"emissive"}
+    assert set(clip.planes) == set(PLANES)
     frame = clip.frame(0)
     down = -(frame.camera.rays() @ frame.camera.camera_to_world[1, :3])
     near = (down > 0.1) & ~frame["sky"]
@@ -324,7 +324,7 @@ def test_kitti_drive(kitti_drive: Path, tmp_path: Path) -> None:
     """End to end; the completed depth passes through the returns that the camera sees."""
     drive = first_frames(kitti_drive, tmp_path / "2011_09_26" / "Fahrt ä", 2)
     clip = ingest(open_kitti(drive), tmp_path / "clip", workers=1)
-    assert set(clip.planes) == set(PLANES) - {"emissive"}
+    assert set(clip.planes) == set(PLANES)
     frame, points = clip.frame(0), clip.points(0)
     np.testing.assert_array_equal(encode_srgb8(frame["rgb"]), open_kitti(drive).rgb(0))
     assert points is not None

@@ -67,14 +67,30 @@ def test_the_lights_strength_and_colour_are_divided_out(light):
     np.testing.assert_allclose(guess(street(light))["albedo"], guess(street())["albedo"], rtol=0.02, atol=1e-3)
 
 
-def test_a_shadow_on_the_road_is_made_shallower():
+@pytest.mark.parametrize("sky_light", [(0.05, 0.07, 0.1), (0.15, 0.2, 0.27)])
+def test_a_blue_shadow_is_taken_out_of_road_and_wall(sky_light):
     frame = street()
-    shadow = np.zeros((H, W), bool)
-    shadow[70:, :70] = True
-    frame["rgb_linear"][shadow] *= 0.2
+    frame["rgb_linear"][30:, :70] *= np.array(sky_light, np.float32)
     albedo = guess(frame)["albedo"]
-    depth = np.median(albedo[100:, 10:50]) / np.median(albedo[100:, 150:190])
-    assert 0.4 < depth <= 1
+    for rows, least in ((slice(40, 55), 0.5), (slice(100, 120), 0.9)):
+        seen = albedo[rows] / frame["albedo"][rows]
+        assert least < np.median(seen[:, 10:50]) / np.median(seen[:, 150:190]) < 1.25
+
+
+def test_a_grey_step_off_the_road_is_no_shadow():
+    """Where the road shows no shadow, a dark wall stays dark beside a light one."""
+    frame = street()
+    frame["rgb_linear"][30:60, :70] *= 0.3
+    albedo = guess(frame)["albedo"]
+    assert np.median(albedo[35:55, 10:50]) < 0.7 * np.median(albedo[35:55, 150:190])
+
+
+def test_paint_that_the_road_mask_leaves_out_is_as_bright_as_paint_in_it():
+    frame = street()
+    frame["rgb_linear"][80:105, 40:46] = 0.6
+    whole = guess(frame)["albedo"]
+    frame["road"][82:103, 41:45] = False
+    np.testing.assert_array_equal(guess(frame)["albedo"], whole)
 
 
 def test_the_same_frame_gives_the_same_planes():

@@ -30,8 +30,7 @@ def _clip(path: Path, frames: int) -> Path:
     from aw4d.colour import decode_srgb8
 
     view = camera(WIDTH, HEIGHT)
-    whole = planes(WIDTH, HEIGHT, 0)
-    held = {"rgb": decode_srgb8(picture(WIDTH, HEIGHT)), "depth": whole["depth"], "sky": whole["sky"]}
+    held = {"rgb": decode_srgb8(picture(WIDTH, HEIGHT)), **planes(WIDTH, HEIGHT, 0)}
     with ClipWriter(path, (frames, HEIGHT, WIDTH), fingerprint="made up") as writer:
         for i in range(frames):
             writer.write(i, GBuffer(held, camera=view, time=i / 10))

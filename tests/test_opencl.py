@@ -26,6 +26,7 @@ from aw4d.lights.light import in_camera
 from aw4d.params import FogParams, param
 from aw4d.passes import PASSES
 from aw4d.render import open_backend
+from aw4d.scene import Scene
 from tests.fog_inputs import all_kinds, frame, on, reference
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -210,7 +211,7 @@ def test_the_environment_is_left_as_it_was(opencl_device: OpenCLBackend) -> None
 def test_every_width_builds_with_and_without_layers(opencl_backend: OpenCLBackend) -> None:
     source = frame(19, 3)
     with_layers = on(opencl_backend, source, all_kinds(), params())["rgb"]
-    planes = opencl_backend.upload(source, in_camera(all_kinds(), source.camera))
+    planes = opencl_backend.upload(source, Scene(lights=in_camera(all_kinds(), source.camera)))
     opencl_backend.run("fog", planes, params())
     assert np.allclose(opencl_backend.download(planes, ["rgb"])["rgb"], with_layers, rtol=1e-6)
     assert np.allclose(with_layers, reference(source, all_kinds(), params())["rgb"], rtol=1e-5)
@@ -259,14 +260,14 @@ def backend(request: pytest.FixtureRequest, opencl_device: OpenCLBackend) -> Num
 
 def test_a_parameter_that_a_pass_does_not_take_is_an_error(backend: NumpyBackend | OpenCLBackend) -> None:
     source = frame(8, 8)
-    planes = backend.upload(source, in_camera([], source.camera))
+    planes = backend.upload(source, Scene(lights=in_camera([], source.camera)))
     with pytest.raises(TypeError, match="fog: does not take the parameters smell"):
         backend.run("fog", planes, WiderFogParams(color=(1, 1, 1)))
 
 
 def test_an_argument_that_nothing_gives_is_an_error(backend: NumpyBackend | OpenCLBackend) -> None:
     source = frame(8, 8)
-    planes = backend.upload(source, in_camera([], source.camera))
+    planes = backend.upload(source, Scene(lights=in_camera([], source.camera)))
     held: dict[str, Any] = planes.buffers if isinstance(backend, OpenCLBackend) else planes.arrays  # type: ignore[union-attr]
     del held["depth"]
     with pytest.raises(TypeError, match="fog: takes depth"):

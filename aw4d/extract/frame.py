@@ -8,10 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aw4d.boxes import Box
+from aw4d.calibrate.ground import GroundPlane
 from aw4d.camera import Camera
 from aw4d.colour import decode_srgb8
 from aw4d.errors import InputError
+from aw4d.extract.borders import settle_outlines
 from aw4d.extract.completion import complete_depth
+from aw4d.extract.emissive import emissive
 from aw4d.extract.materials import materials
 from aw4d.extract.monocular import monocular_depth
 from aw4d.extract.normals import normals_from_depth
@@ -25,12 +28,13 @@ from aw4d.gbuffer import Plane
 PROVENANCE: dict[str, str] = {
     "depth": "laser returns, completed along the picture's edges",
     "normal": "derivatives of depth",
-    "albedo": "picture, shading divided out",
+    "albedo": "picture, cast shadows and shading divided out",
     "roughness": "by kind of surface",
     "metallic": "by kind of surface",
     "sky": "colour, smoothness and laser returns",
     "road": "height above the ground plane, colour and laser reflectance",
     "vehicle": "surface inside the boxes, or standing on the road where there are none",
+    "emissive": "coloured lights told by colour, brightness, size and place",
     "street_light": "none found: no lamp is told from a pole without learned weights",
 }
 
@@ -40,7 +44,9 @@ APPROXIMATIONS: dict[str, str] = {
     "depth": "Depth between laser returns is interpolated; above the scan it continues what is below: trees and "
     "facades there may stand at a wrong distance.",
     "vehicle": "Masks of sky, road and vehicles are estimated from colour, geometry and boxes.",
-    "albedo": "Albedo keeps some of the recorded shadows; roughness and metallic are set by kind of surface.",
+    "albedo": "Cast shadows are taken out of the albedo where the road shows sun and shadow: nearly all of them on "
+    "the road; some stay on walls, plants and vehicles. Patches of another road surface are evened out. Roughness and "
+    "metallic are set by kind of surface.",
 }
 
 
@@ -59,19 +65,20 @@ def _depth(
     raise InputError("depth: expected a depth plane, laser returns or the height of the camera, got none of them")
 
 
-def _vehicles(
-    rgb: NDArray[np.uint8],
-    planes: Mapping[str, Plane],
-    *,
-    camera: Camera,
-    points: NDArray[np.float32] | None,
-    boxes: Sequence[Box],
-) -> NDArray[np.int32]:
-    depth, sky = planes["depth"], planes["sky"]
-    surface = points if points is not None else camera.unproject(depth)[~sky].astype(np.float32)
-    return vehicle_ids(
-        depth=depth, camera=camera, boxes=boxes, points=points, ground=lane_ground(surface), sky=sky, rgb=rgb
+def _ground(planes: Mapping[str, Plane], *, camera: Camera, points: NDArray[np.float32] | None) -> GroundPlane | None:
+    surface = points if points is not None else camera.unproject(planes["depth"])[~planes["sky"]].astype(np.float32)
+    return lane_ground(surface)
+
+
+def _settled(
+    rgb: NDArray[np.uint8], planes: Mapping[str, Plane], *, camera: Camera, ground: GroundPlane | None
+) -> dict[str, Plane]:
+    """Depth and vehicles that agree with the picture on the vehicles' outlines."""
+    level = np.zeros(camera.shape) if ground is None else np.maximum(camera.rays() @ -ground.normal / ground.offset, 0)
+    depth, vehicle = settle_outlines(
+        planes["depth"], planes["vehicle"], rgb=rgb, ground=level, sky=planes["sky"], focal=float(camera.K[0, 0])
     )
+    return {"depth": solid_depth(depth, vehicle), "vehicle": vehicle}
 
 
 def extract_frame(
@@ -83,7 +90,7 @@ def extract_frame(
     given: Mapping[str, Plane],
     camera_height_m: float | None = None,
 ) -> dict[str, Plane]:
-    """All planes of a frame but emissive, which only the recording itself can give.
+    """All planes of a frame.
 
     Parameters
     ----------
@@ -113,9 +120,12 @@ def extract_frame(
     if "depth" not in planes:
         planes["depth"] = _depth(rgb, camera=camera, points=xyz, sky=sky, camera_height_m=camera_height_m)
     if "vehicle" not in planes:
-        planes["vehicle"] = _vehicles(rgb, planes, camera=camera, points=xyz, boxes=boxes)
+        ground = _ground(planes, camera=camera, points=xyz)
+        planes["vehicle"] = vehicle_ids(
+            depth=planes["depth"], camera=camera, boxes=boxes, points=xyz, ground=ground, sky=sky, rgb=rgb
+        )
         if "depth" not in given:
-            planes["depth"] = solid_depth(planes["depth"], planes["vehicle"])
+            planes |= _settled(rgb, planes, camera=camera, ground=ground)
     if "normal" not in planes:
         planes["normal"] = normals_from_depth(planes["depth"], camera=camera, sky=sky)
     if "road" not in planes:
@@ -132,5 +142,8 @@ def extract_frame(
     if not {"albedo", "roughness", "metallic"} <= planes.keys():
         regions = {name: planes[name] for name in ("sky", "road", "vehicle", "normal")}
         planes = {**materials(planes["rgb"], **regions), **planes}
+    if "emissive" not in planes:
+        regions = {name: planes[name] for name in ("sky", "road", "vehicle", "depth")}
+        planes["emissive"] = emissive(planes["rgb"], camera=camera, **regions)
     planes.setdefault("street_light", np.zeros(camera.shape, dtype=np.int32))
     return planes

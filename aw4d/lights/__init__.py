@@ -1,1 +1,1 @@
-"""Light sources: the ego vehicle's headlights and lights given by the user."""
+"""Light sources: the ego vehicle's, the street's and other vehicles' lamps, and lights given by the user."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -39,6 +39,8 @@ class Light:
         Reach [m].
     frame
         "world": position and direction are world coordinates; "camera": they move with the camera (OpenCV axes).
+    name
+        By which it can be switched off, for example "street-3", "vehicle-12-head-left", "ego-left", "file-1".
 
     Raises
     ------
@@ -54,6 +56,7 @@ class Light:
     outer_deg: float = 35.0
     r_max_m: float = 20.0
     frame: Literal["world", "camera"] = "world"
+    name: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS or self.frame not in ("world", "camera"):
@@ -140,6 +143,15 @@ def shapes(lights: LightArrays) -> NDArray[np.float32]:
     return np.stack([cone, 1 - cone**2, 1 / (inner - outer), 1 / reach], axis=1).astype(np.float32)
 
 
+def switched_on(lights: Sequence[Light], off: str) -> list[Light]:
+    """Lights that are left with some switched off: ids with commas, each a light's name or the start of names.
+
+    "vehicle-12" stands for all lights of that vehicle, "street" for all street lamps.
+    """
+    stems = [stem.strip() for stem in off.split(",") if stem.strip()]
+    return [light for light in lights if not any(f"{light.name}-".startswith(f"{stem}-") for stem in stems)]
+
+
 def read_lights(path: str | Path) -> list[Light]:
     """Lights of a JSON file: a list of objects with the fields of `Light`.
 
@@ -159,9 +171,10 @@ def read_lights(path: str | Path) -> list[Light]:
     lights = []
     for i, entry in enumerate(entries):
         try:
-            lights.append(_light(entry))
+            light = _light(entry)
         except InputError as error:
             raise InputError(f"{path}: light {i}: {error}") from error
+        lights.append(light if light.name else replace(light, name=f"file-{i + 1}"))
     return lights
 
 
@@ -174,7 +187,7 @@ def _light(entry: Any) -> Light:
         if name not in known:
             raise InputError(f"expected the fields {', '.join(known)}, got {name!r}")
         numbers = value if isinstance(value, list) else [value]
-        text = name in ("kind", "frame")
+        text = name in ("kind", "frame", "name")
         vector = isinstance(known[name], tuple)
         if isinstance(value, list) != vector or not all(isinstance(v, str if text else (int, float)) for v in numbers):
             expected = "text" if text else "three numbers" if vector else "a number"

@@ -10,6 +10,7 @@
 #if W == 1
 typedef float floatw;
 typedef int intw;
+typedef uchar ucharw;
 #define LOADW(p) (*(p))
 #define STOREW(x, p) (*(p) = (x))
 #define LOADMASKW(p) ((int)(*(p) != 0))
@@ -17,17 +18,32 @@ typedef int intw;
 #define as_floatw as_float
 #define as_intw as_int
 #define ANYW(c) (c)
+#define MINW(x) (x)
+#define MAXW(x) (x)
 #else
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
 typedef JOIN(float, W) floatw;
 typedef JOIN(int, W) intw;
+typedef JOIN(uchar, W) ucharw;
 #define LOADW(p) JOIN(vload, W)(0, p)
 #define STOREW(x, p) JOIN(vstore, W)(x, 0, p)
 #define LOADMASKW(p) (JOIN(convert_int, W)(JOIN(vload, W)(0, p)) != 0)
-#define ANYW(c) any(c)
+#define ANYW(c) JOIN(some, W)(c)
 #define as_floatw JOIN(as_float, W)
 #define as_intw JOIN(as_int, W)
+#define MINW(x) JOIN(min, W)(x)
+#define MAXW(x) JOIN(max, W)(x)
+#define EXTREMES(name, f) \
+    static inline float JOIN(name, 4)(const float4 x) { const float2 y = f(x.lo, x.hi); return f(y.x, y.y); } \
+    static inline float JOIN(name, 8)(const float8 x) { return JOIN(name, 4)(f(x.lo, x.hi)); } \
+    static inline float JOIN(name, 16)(const float16 x) { return JOIN(name, 8)(f(x.lo, x.hi)); }
+EXTREMES(min, fmin)
+EXTREMES(max, fmax)
+/* of comparisons: their bytes take one test, where any() takes the lanes one after the other */
+static inline int some4(const int4 c) { return as_uint(convert_char4(c)) != 0; }
+static inline int some8(const int8 c) { return as_ulong(convert_char8(c)) != 0; }
+static inline int some16(const int16 c) { const ulong2 b = as_ulong2(convert_char16(c)); return (b.x | b.y) != 0; }
 #if W == 4
 #define LANES ((floatw)(0, 1, 2, 3))
 #elif W == 8
@@ -39,3 +55,18 @@ typedef JOIN(int, W) intw;
 
 /* floatw: yes where c holds, else no; scalars are spread over the lanes */
 #define SELECTW(c, yes, no) select((floatw)(no), (floatw)(yes), c)
+
+/* 1 / sqrt(x) for x >= 0, finite at 0, within 1.7 x 2^-24. By a guess from the exponent's bits and one step of fourth order
+ * (coefficients: minimax over the guess' error): CPUs divide and take roots ten times more slowly than they multiply. */
+#if W == 1
+#define RSQRTW(x) rsqrt(fmax(x, 1e-36f))
+#else
+static inline floatw rsqrt_by_steps(const floatw x)
+{
+    const floatw y = as_floatw(0x5f374800 - (as_intw(x) >> 1));
+    const floatw e = fma(-x * y, y, 1.0f);
+    const floatw odd = fma(e, 0.37499781f, 0.49999835f), even = fma(e, 0.27491372f, 0.31393055f);
+    return fma(y * e, fma(e * e, even, odd), y);
+}
+#define RSQRTW(x) rsqrt_by_steps(x)
+#endif

@@ -25,7 +25,7 @@ def main() -> None:
     planes = {name: whole[name] for name in PASSES["fog"].reads}
     exact = GBuffer(planes, camera=whole.camera, time=whole.time)
     near, far = float(planes["depth"].min()), float(planes["depth"].max())
-    lights = headlights(HeadlightParams())
+    lights = headlights(HeadlightParams(), white_cd_m2=12)
     p = FogParams(visibility_m=60, color=(0.35, 0.35, 0.35))
     truth = reference(exact, lights, p)
     print(f"depth {near:.1f} to {far:.1f} m, fog of {p.visibility_m:g} m")

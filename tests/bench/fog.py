@@ -21,6 +21,7 @@ from aw4d.lights.ego import headlights
 from aw4d.lights.light import Light, LightArrays, in_camera
 from aw4d.params import FogParams, HeadlightParams
 from aw4d.passes import PASSES
+from aw4d.scene import Scene
 
 WIDTH, HEIGHT = 1280, 704
 # Arithmetic of cl/fog.cl, a multiply-add counted as two, every built-in (exp, rsqrt, sqrt, division) as one; selects,
@@ -87,7 +88,7 @@ def lights_of(source: GBuffer) -> LightArrays:
         )
         for p in nearest.tolist()
     ]
-    return in_camera(hanging + headlights(HeadlightParams()), source.camera)
+    return in_camera(hanging + headlights(HeadlightParams(), white_cd_m2=12), source.camera)
 
 
 def _operations(source: Any, lights: LightArrays, p: FogParams) -> float:
@@ -96,7 +97,7 @@ def _operations(source: Any, lights: LightArrays, p: FogParams) -> float:
     numpy = NumpyBackend()
     for i in range(len(lights)):
         one = LightArrays(**{name: value[i : i + 1] for name, value in vars(lights).items()})
-        planes = numpy.upload(source, one)
+        planes = numpy.upload(source, Scene(lights=one))
         numpy.run("fog", planes, p)
         lit += int(np.count_nonzero(planes.arrays["in_scatter"][..., 0]))
     pixels = WIDTH * HEIGHT
@@ -133,7 +134,7 @@ def main() -> None:
 def _scene(name: str, source: GBuffer, lights: LightArrays) -> None:
     p = FogParams(visibility_m=60, nodes=8, color=(0.5, 0.5, 0.5))
     numpy = NumpyBackend()
-    planes = numpy.upload(source, lights)
+    planes = numpy.upload(source, Scene(lights=lights))
 
     def on_numpy() -> None:
         planes.arrays["rgb"] = source["rgb"].astype(np.float64)
@@ -161,7 +162,7 @@ def _measure(
     truth: Any,
     operations: float,
 ) -> None:
-    planes = backend.upload(source, lights)
+    planes = backend.upload(source, Scene(lights=lights))
     backend.run("fog", planes, p)
     largest, p9999 = error(backend.download(planes, ["rgb"])["rgb"], truth)
 

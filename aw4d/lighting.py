@@ -1,0 +1,127 @@
+"""What lights the frames of a clip: lamps that stay, vehicles' lights of each frame, environment, and the exposure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d.camera import Camera
+from aw4d.clip import Clip, ClipInfo
+from aw4d.environment import Environment, arrays, environment
+from aw4d.gbuffer import GBuffer
+from aw4d.lights.ego import headlights
+from aw4d.lights.faces import street_lamp_faces
+from aw4d.lights.light import Light, LightArrays, in_camera, read_lights, switched_on
+from aw4d.lights.poles import pole_lamps
+from aw4d.lights.street_lamps import street_lamps
+from aw4d.lights.vehicles import vehicle_emission, vehicle_lights
+from aw4d.params import ExposureParams
+from aw4d.scene import Scene
+from aw4d.weathers import Settings
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lighting:
+    """Everything that lights a clip under some settings.
+
+    Parameters
+    ----------
+    standing
+        Lamps that do not move in the world, the ego vehicle's, and those of a file.
+    environment
+        Sky, ground and sun.
+    white_cd_m2
+        The luminance that the picture shows as white.
+    settings
+        What it was made from.
+    info
+        The clip's boxes and times, for the lights of moving vehicles.
+    """
+
+    standing: tuple[Light, ...]
+    environment: Environment
+    white_cd_m2: float
+    settings: Settings
+    info: ClipInfo
+
+    def lights(self, index: int) -> list[Light]:
+        """All local lights of a frame."""
+        moving: list[Light] = []
+        if self.settings.lights.vehicles:
+            found = vehicle_lights(self.info, index, self.settings.vehicle_lights, white_cd_m2=self.white_cd_m2)
+            moving = switched_on(found, self.settings.lights.off)
+        return [*self.standing, *moving]
+
+    def scene(self, index: int, camera: Camera) -> Scene:
+        """What lights a frame, as the passes take it."""
+        return Scene(lights=self._in_camera(self.lights(index), camera), environment=self._tables(camera))
+
+    def alone(self, light: Light, camera: Camera) -> Scene:
+        """The same with one local light only."""
+        return Scene(lights=self._in_camera([light], camera), environment=self._tables(camera))
+
+    def _in_camera(self, lights: list[Light], camera: Camera) -> LightArrays:
+        return in_camera(lights, camera)
+
+    def _tables(self, camera: Camera) -> dict[str, Any]:
+        return arrays(self.environment, camera, self.white_cd_m2).arguments()
+
+    def emissive(self, frame: GBuffer, index: int) -> NDArray[np.float32]:
+        """Radiance that the surfaces send by themselves, (H, W, 3): the clip's own and the vehicles' lamps.
+
+        Traffic lights were recorded at the brightness of their day; they keep it on the picture's scale, as a camera
+        that exposes for the night shows them as white-hot as the day's shows them.
+        """
+        height, width = frame.camera.shape
+        out = np.zeros((height, width, 3), dtype=np.float32)
+        if self.settings.lights.traffic and "emissive" in frame:
+            out += frame["emissive"]
+        lamps = [light for light in self.standing if light.name.startswith(("street-", "pole-"))]
+        street = self.settings.street_lamps
+        out += street_lamp_faces(
+            lamps, frame["depth"], frame["sky"], frame.camera, street, white_cd_m2=self.white_cd_m2
+        )
+        if self.settings.lights.vehicles and "vehicle" in frame:
+            burning = frozenset(light.name for light in self.lights(index))
+            own = self.settings.vehicle_lights
+            out += vehicle_emission(self.info, index, frame, own, white_cd_m2=self.white_cd_m2, lit=burning)
+        return out
+
+
+def metered_white(illuminance_lux: float, p: ExposureParams) -> float:
+    """What shows as white [cd/m2]: a white card's luminance on the ground, E / pi, but no less than the camera can."""
+    if p.white_cd_m2 is not None:
+        return p.white_cd_m2
+    return max(illuminance_lux / math.pi, p.darkest_white_cd_m2) / 2**p.ev
+
+
+def lighting(clip: Clip, settings: Settings) -> Lighting:
+    """Find what lights a clip.
+
+    Raises
+    ------
+    InputError
+        The file of lights or the environment map is wrong.
+    """
+    around = environment(settings.ambient)
+    white = metered_white(around.illuminance, settings.exposure)
+    which = settings.lights
+    standing = headlights(settings.headlights, white_cd_m2=white)
+    if which.street:
+        lamps = street_lamps(clip, settings.street_lamps, white_cd_m2=white)
+        if not lamps and which.poles:
+            lamps = pole_lamps(clip, settings.street_lamps, white_cd_m2=white)
+        standing += lamps
+    if which.file:
+        standing += read_lights(which.file)
+    return Lighting(
+        standing=tuple(switched_on(standing, which.off)),
+        environment=around,
+        white_cd_m2=white,
+        settings=settings,
+        info=clip.info,
+    )

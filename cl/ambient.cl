@@ -1,0 +1,190 @@
+/* ambient.cl - light of the surroundings on the surfaces. Mirrors reference_numpy/ambient.py. Paper, "Environment".
+ *
+ * Three stages: ambient_solid takes the sky out of the depth; ambient_quads puts the depths of every four neighbouring
+ * pixels side by side, so that a sample of a shadow ray is one load; ambient does the rest.
+ */
+#include "include/brdf.h"
+#include "include/environment.h"
+#include "include/occlusion.h"
+#include "include/shadow.h"
+#include "include/vec.h"
+
+__kernel void ambient_solid(
+    __global float *restrict ambient_depth,
+    __global const float *restrict depth,               /* [m] */
+    __global const uchar *restrict sky,
+    const int pitch)                                    /* [px] row length, a multiple of W */
+{
+    const int i = get_global_id(1) * pitch + get_global_id(0) * W;
+    STOREW(SELECTW(LOADMASKW(sky + i), NOTHING, fmin(LOADW(depth + i), NOTHING)), ambient_depth + i);
+}
+
+static inline float solid_or_nothing(
+    __global const float *restrict solid, const int x, const int y, const int width, const int height, const int pitch)
+{
+    return x >= 0 && x < width && y >= 0 && y < height ? solid[y * pitch + x] : NOTHING;
+}
+
+/* A row of the picture's pixels and the one before it: its quads' upper left pixels. */
+static inline void write_quads(
+    __global float *restrict quads, __global const float *restrict solid, const int from, const int to, const int y,
+    const int width, const int height, const int pitch)
+{
+    for (int x = from; x < to; x++) {
+        const float4 q = (float4)(
+            solid_or_nothing(solid, x, y, width, height, pitch), solid_or_nothing(solid, x + 1, y, width, height, pitch),
+            solid_or_nothing(solid, x, y + 1, width, height, pitch), solid_or_nothing(solid, x + 1, y + 1, width, height, pitch));
+        vstore4(q, (y + 1) * (pitch + 1) + x + 1, quads);
+    }
+}
+
+__kernel void ambient_quads(
+    __global float *restrict ambient_quad,
+    __global const float *restrict ambient_depth,
+    const int width, const int height,                  /* [px] */
+    const int pitch,                                    /* [px] row length, a multiple of W */
+    const int sun_on)
+{
+    if (!sun_on)
+        return;
+    const int u0 = get_global_id(0) * W, v = get_global_id(1);
+    const int from = u0 == 0 ? -1 : u0;
+    write_quads(ambient_quad, ambient_depth, from, u0 + W, v, width, height, pitch);
+    if (v == 0)
+        write_quads(ambient_quad, ambient_depth, from, u0 + W, -1, width, height, pitch);
+}
+
+/* Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014. */
+static inline floatw specular_occlusion(const floatw NoV, const floatw occlusion, const floatw roughness)
+{
+    return clamp(exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion, 0.0f, 1.0f);
+}
+
+/* Weights of irradiance and of the lobes in one channel of what is reflected: the pigment and light reflected more than
+ * once (Fdez-Aguera 2019), and F0. */
+static inline floatw diffuse_share(const floatw albedo, const floatw metal, const floatw F0, const floatw A, const floatw B)
+{
+    const floatw once = fma(F0, A, B), lost = 1.0f - (A + B);
+    const floatw mean = fma(F0, 20.0f / 21, 1.0f / 21);
+    const floatw again = once * mean * lost / fma(-mean, lost, 1.0f);
+    return fma(albedo * (1.0f - metal), 1.0f - once - again, again);
+}
+
+__kernel void ambient(
+    __global float *restrict rgb,                       /* scene-linear */
+    __global const float *restrict ambient_depth,       /* [m] NOTHING in the sky */
+    __global const float *restrict ambient_quad,
+    __global const float *restrict normal,
+    __global const float *restrict albedo,
+    __global const float *restrict roughness,
+    __global const float *restrict metallic,
+#ifdef LAYERS
+    __global float *restrict ambient,
+    __global float *restrict shadow,
+    __global float *restrict occlusion,
+#endif
+    const int width, const int height,                  /* [px] */
+    const int pitch,                                    /* [px] row length, a multiple of W */
+    const int plane,                                    /* [px] distance between the planes of one image */
+    const float fx, const float fy, const float cx, const float cy,  /* [px] */
+    __global const float *restrict env_rotation,        /* camera to world */
+    __global const float *restrict env_irradiance,
+    __global const float *restrict env_specular,
+    __global const float *restrict env_brdf,
+    __global const float *restrict env_backdrop,
+    const int env_levels, const int env_size, const int env_brdf_size, const int env_backdrop_size,
+    __global const float *restrict sun_direction,       /* towards the sun, camera frame */
+    __global const float *restrict sun_irradiance,
+    const int sun_on,
+    const int shadow_steps,
+    const float shadow_distance_m,                      /* [m] */
+    const float thickness_m,                            /* [m] */
+    const float occlusion_radius_m,                     /* [m] */
+    const int occlusion_slices,
+    const int occlusion_steps)
+{
+    const int u0 = get_global_id(0) * W;
+    const int v = get_global_id(1);
+    const int i = v * pitch + u0;
+    const floatw u = (float)u0 + LANES;
+    const floatw kx = (u - cx) / fx;
+    const float ky = ((float)v - cy) / fy;
+    const floatw inv = rsqrt(fma(kx, kx, fma(ky, ky, 1.0f)));
+    const floatw z = LOADW(ambient_depth + i);
+    const intw surface = z < NOTHING;
+    floatw r = 0.0f, g = 0.0f, b = 0.0f, lit = 1.0f, open = 1.0f;
+
+    if (ANYW(surface)) {
+        const floatw n0 = LOADW(normal + i), n1 = LOADW(normal + i + plane), n2 = LOADW(normal + i + 2 * plane);
+        const floatw unit = rsqrt(fmax(fma(n0, n0, fma(n1, n1, n2 * n2)), 1e-36f));
+        const floatw nx = n0 * unit, ny = n1 * unit, nz = n2 * unit;
+        const floatw rough = LOADW(roughness + i), metal = LOADW(metallic + i);
+        const Facing s = facing(nx, ny, nz, -kx * inv, -ky * inv, -inv, rough);
+        open = ambient_occlusion(
+            ambient_depth, nx, ny, nz, z, kx, ky, u0, v, width, height, pitch, fx, fy, occlusion_radius_m,
+            occlusion_slices, occlusion_steps);
+
+        const Corner at = lobe_corner(s.NoV, rough, env_brdf_size);
+        const Quad A = bilinear(env_brdf, at, 2, 0), B = bilinear(env_brdf, at, 2, 1); /* share, turn, roughness */
+        floatw X, Y, Z, Nx, Ny, Nz;
+        to_world(env_rotation, nx, ny, nz, &Nx, &Ny, &Nz);
+        const floatw twice = 2.0f * s.NoV;
+        to_world(env_rotation, fma(twice, nx, kx * inv), fma(twice, ny, ky * inv), fma(twice, nz, inv), &X, &Y, &Z);
+        const Quad a = prefiltered(
+            env_specular, env_levels, env_size, fma(A.y, Nx - X, X), fma(A.y, Ny - Y, Y), fma(A.y, Nz - Z, Z), A.z);
+        const Quad b_ = prefiltered(
+            env_specular, env_levels, env_size, fma(B.y, Nx - X, X), fma(B.y, Ny - Y, Y), fma(B.y, Nz - Z, Z), B.z);
+        const Quad E_sky = bilinear(env_irradiance, octahedral(Nx, Ny, Nz, env_size), 1, 0);
+        const floatw shine = specular_occlusion(s.NoV, open, rough), gain = open * M_1_PI_F;
+        const floatw share_A = A.x * shine, share_B = B.x * shine;
+        const floatw cr = clamp(LOADW(albedo + i), 0.0f, 1.0f);
+        const floatw cg = clamp(LOADW(albedo + i + plane), 0.0f, 1.0f);
+        const floatw cb = clamp(LOADW(albedo + i + 2 * plane), 0.0f, 1.0f);
+        const floatw fr = fma(cr - DIELECTRIC_F0, metal, DIELECTRIC_F0);
+        const floatw fg = fma(cg - DIELECTRIC_F0, metal, DIELECTRIC_F0);
+        const floatw fb = fma(cb - DIELECTRIC_F0, metal, DIELECTRIC_F0);
+        const floatw dr = diffuse_share(cr, metal, fr, A.x, B.x);
+        const floatw dg = diffuse_share(cg, metal, fg, A.x, B.x);
+        const floatw db = diffuse_share(cb, metal, fb, A.x, B.x);
+        r = fma(dr * gain, E_sky.x, fma(fr * share_A, a.x, share_B * b_.x));
+        g = fma(dg * gain, E_sky.y, fma(fg * share_A, a.y, share_B * b_.y));
+        b = fma(db * gain, E_sky.z, fma(fb * share_A, a.z, share_B * b_.z));
+
+        if (sun_on) {
+            const float3 L = vload3(0, sun_direction), E = vload3(0, sun_irradiance);
+            const floatw NoL = fma(nx, L.x, fma(ny, L.y, nz * L.z));
+            lit = sun_shadow(
+                ambient_quad, surface, n0, n1, n2, NoL, z, u, (float)v, width, height, pitch, fx, fy, cx, cy, L,
+                shadow_steps, shadow_distance_m, thickness_m);
+            const floatw w1 = fmax(NoL, 0.0f) * lit;
+            const Lobe f = lobe(s, L.x, L.y, L.z, 1.0f, NoL, fmax(NoL, 1e-18f));
+            const floatw DV = w1 * s.a2 * (0.5f * M_1_PI_F) * f.H2 * f.H2 / (f.den * f.den * f.lambda);
+            const floatw w3 = DV * f.schlick, w2 = DV - w3;
+            const floatw pigment = w1 * (1.0f - metal) * M_1_PI_F * (1.0f - interface_share(s.NoV, rough));
+            r = fma(E.x, fma(pigment, cr, fma(fr, w2, w3)), r);
+            g = fma(E.y, fma(pigment, cg, fma(fg, w2, w3)), g);
+            b = fma(E.z, fma(pigment, cb, fma(fb, w2, w3)), b);
+            lit = SELECTW(surface, lit, 1.0f);
+        }
+        open = SELECTW(surface, open, 1.0f);
+    }
+    if (ANYW(!surface)) {
+        floatw X, Y, Z;
+        to_world(env_rotation, kx, (floatw)ky, 1.0f, &X, &Y, &Z);
+        const Corner at = octahedral(X, Y, Z, env_backdrop_size);
+        const Quad seen = bilinear(env_backdrop, at, 1, 0);
+        r = SELECTW(surface, r, seen.x);
+        g = SELECTW(surface, g, seen.y);
+        b = SELECTW(surface, b, seen.z);
+    }
+    STOREW(r, rgb + i);
+    STOREW(g, rgb + i + plane);
+    STOREW(b, rgb + i + 2 * plane);
+#ifdef LAYERS
+    STOREW(r, ambient + i);
+    STOREW(g, ambient + i + plane);
+    STOREW(b, ambient + i + 2 * plane);
+    STOREW(lit, shadow + i);
+    STOREW(open, occlusion + i);
+#endif
+}

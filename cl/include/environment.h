@@ -1,0 +1,91 @@
+/* environment.h - octahedral tables and their lookup, and the lobes of reflection. Mirrors reference_numpy/environment.py. */
+#ifndef ENVIRONMENT_H
+#define ENVIRONMENT_H
+#include "gather.h"
+#include "vec.h"
+
+/* Where a bilinear lookup reads: the first of its four texels, and the weights of the right and the lower ones. */
+typedef struct {
+    intw at;             /* number of the texel */
+    int row;             /* texels a row */
+    floatw fx, fy;
+} Corner;
+
+static inline Corner corner(const floatw x, const floatw y, const int size)
+{
+    Corner c;
+    const floatw left = clamp(floor(x), 0.0f, (float)(size - 2));
+    const floatw top = clamp(floor(y), 0.0f, (float)(size - 2));
+    c.fx = x - left;
+    c.fy = y - top;
+    c.row = size;
+    c.at = TOINTW(top) * size + TOINTW(left);
+    return c;
+}
+
+static inline floatw between(const floatw a, const floatw b, const floatw p, const floatw q, const Corner c)
+{
+    const floatw top = fma(c.fx, b - a, a), low = fma(c.fx, q - p, p);
+    return fma(c.fy, low - top, top);
+}
+
+/* Texel `skip` of every `stride` of a table whose texels are four floats; three of them are used. */
+static inline Quad bilinear(__global const float *restrict table, const Corner c, const int stride, const int skip)
+{
+    const intw i = c.at * stride + skip;
+    const Quad a = gather(table, i), b = gather(table, i + stride);
+    const Quad p = gather(table, i + c.row * stride), q = gather(table, i + (c.row + 1) * stride);
+    Quad out;
+    out.x = between(a.x, b.x, p.x, q.x, c);
+    out.y = between(a.y, b.y, p.y, q.y, c);
+    out.z = between(a.z, b.z, p.z, q.z, c);
+    return out;
+}
+
+/* Place of a direction of any length but 0 in an octahedral table. */
+static inline Corner octahedral(const floatw dx, const floatw dy, const floatw dz, const int size)
+{
+    const floatw inv = 1.0f / fmax(fabs(dx) + fabs(dy) + fabs(dz), 1e-9f);
+    const floatw x = dx * inv, z = dz * inv;
+    const intw below = dy < 0.0f;
+    const float half_size = 0.5f * (size - 1);
+    const floatw u = SELECTW(below, copysign(1.0f - fabs(z), dx), x);
+    const floatw v = SELECTW(below, copysign(1.0f - fabs(x), dz), z);
+    return corner(fma(u, half_size, (floatw)half_size), fma(v, half_size, (floatw)half_size), size);
+}
+
+/* A vector of the camera's frame in the world's, by its rotation. */
+static inline void to_world(
+    __global const float *restrict R, const floatw x, const floatw y, const floatw z, floatw *X, floatw *Y, floatw *Z)
+{
+    *X = fma(R[0], x, fma(R[1], y, R[2] * z));
+    *Y = fma(R[3], x, fma(R[4], y, R[5] * z));
+    *Z = fma(R[6], x, fma(R[7], y, R[8] * z));
+}
+
+/* Where the parts of Schlick's Fresnel term are found: each is its share, its turn and its roughness. */
+static inline Corner lobe_corner(const floatw NoV, const floatw roughness, const int size)
+{
+    return corner(sqrt(NoV) * (float)(size - 1), roughness * (float)(size - 1), size);
+}
+
+/* Prefiltered radiance by roughness. */
+static inline Quad prefiltered(
+    __global const float *restrict table, const int levels, const int size,
+    const floatw dx, const floatw dy, const floatw dz, const floatw roughness)
+{
+    const floatw at = roughness * (float)(levels - 1);
+    const floatw level = clamp(floor(at), 0.0f, (float)(levels - 2));
+    const floatw f = at - level;
+    Corner c = octahedral(dx, dy, dz, size);
+    c.at += TOINTW(level) * (size * size);
+    const Quad near = bilinear(table, c, 1, 0);
+    c.at += size * size;
+    const Quad far = bilinear(table, c, 1, 0);
+    Quad out;
+    out.x = fma(f, far.x - near.x, near.x);
+    out.y = fma(f, far.y - near.y, near.y);
+    out.z = fma(f, far.z - near.z, near.z);
+    return out;
+}
+#endif

@@ -1,0 +1,89 @@
+"""Light from all around: octahedral tables and their lookup, and the lobes in which surfaces reflect it.
+
+A table holds a quantity for every direction of the world (y up) on a square: a direction d goes to d / (|x| + |y| + |z|),
+whose upper half falls on the inner diamond (x, z) and whose lower half is folded out to the corners (octahedral map,
+Engelhardt and Dachsbacher 2008). Texels sit on the square's corners and edges, not inside them, so that a bilinear lookup
+needs no texel beyond an edge and is continuous everywhere.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def octahedral(d: Array) -> tuple[Array, Array]:
+    """Place of directions (..., 3) on the square, both coordinates in [-1, 1]; any length but 0."""
+    size = np.maximum(np.abs(d).sum(axis=-1), 1e-9)
+    x, y, z = (d[..., i] / size for i in range(3))
+    below = y < 0
+    return (
+        np.where(below, np.copysign(1 - np.abs(z), x), x),
+        np.where(below, np.copysign(1 - np.abs(x), z), z),
+    )
+
+
+def octahedral_direction(x: ArrayLike, z: ArrayLike) -> Array:
+    """Unit vectors (..., 3) of places on the square: the inverse of `octahedral`."""
+    x, z = np.asarray(x, dtype=np.float64), np.asarray(z, dtype=np.float64)
+    y = 1 - np.abs(x) - np.abs(z)
+    fold = np.maximum(-y, 0.0)
+    d = np.stack([x - np.copysign(fold, x), y, z - np.copysign(fold, z)], axis=-1)
+    unit: Array = d / np.linalg.norm(d, axis=-1, keepdims=True)
+    return unit
+
+
+def octahedral_grid(size: int) -> Array:
+    """Directions of a table's texels, (size, size, 3): x along the rows, z down the columns."""
+    at = np.linspace(-1, 1, size)
+    return octahedral_direction(at[None, :], at[:, None])
+
+
+def _corner(at: Array, size: int) -> tuple[NDArray[np.int64], Array]:
+    """First of the two texels that a coordinate in texels lies between, and the weight of the second."""
+    first = np.clip(np.floor(at).astype(np.int64), 0, max(size - 2, 0))
+    return first, at - first
+
+
+def bilinear(table: Array, x: Array, y: Array) -> Array:
+    """Table (H, W, C) at texel coordinates within it, (...) to (..., C)."""
+    height, width = table.shape[:2]
+    c, fx = _corner(x, width)
+    r, fy = _corner(y, height)
+    fx, fy = fx[..., None], fy[..., None]
+    top = table[r, c] + fx * (table[r, c + 1] - table[r, c])
+    low = table[r + 1, c] + fx * (table[r + 1, c + 1] - table[r + 1, c])
+    out: Array = top + fy * (low - top)
+    return out
+
+
+def lookup(table: Array, d: Array) -> Array:
+    """Octahedral table (N, N, 4), RGB and one number that is not used, in directions (..., 3), to (..., 3)."""
+    half = (table.shape[0] - 1) / 2
+    x, z = octahedral(d)
+    return bilinear(table, x * half + half, z * half + half)[..., :3]
+
+
+def prefiltered(table: Array, d: Array, roughness: Array) -> Array:
+    """Table of levels (L, N, N, 4), for roughness 0 to 1 in equal steps, in directions (..., 3), to (..., 3)."""
+    level, f = _corner(roughness * (len(table) - 1), len(table))
+    near, far = (np.zeros((*level.shape, 3)) for _ in range(2))
+    for i in np.unique(level):
+        here = level == i
+        near[here], far[here] = lookup(table[i], d[here]), lookup(table[i + 1], d[here])
+    return near + f[..., None] * (far - near)
+
+
+def lobes(table: Array, NoV: Array, roughness: Array) -> tuple[Array, ...]:
+    """Shares of the two parts of Schlick's Fresnel term F0 (1 - x) + x, and the lobe that each sees, (...,) each.
+
+    Table (M, M, 8): rows for roughness 0 to 1, columns for sqrt(NoV) 0 to 1, in equal steps. Its channels, for the part
+    with F0, then for the other: the share of white surroundings' light that is reflected (A and B of Karis 2013), how far
+    the lobe's mean direction is turned from the mirror direction (0) to the normal (1), the roughness of the table in
+    `prefiltered` that is as wide, and one that is not used.
+    """
+    last = table.shape[0] - 1
+    found = bilinear(table, np.sqrt(NoV) * last, roughness * last)
+    return tuple(found[..., i] for i in (0, 1, 2, 4, 5, 6))

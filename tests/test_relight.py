@@ -1,0 +1,160 @@
+"""Relit weathers end to end on the built-in street: light is where it is sent, and a frame is a pure function."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from aw4d.backend_numpy import NumpyBackend
+from aw4d.clip import Clip
+from aw4d.errors import InputError
+from aw4d.ingest import ingest_street
+from aw4d.io.images import write_png
+from aw4d.lighting import metered_white
+from aw4d.params import ExposureParams
+from aw4d.pipeline import LIGHT_LAYER, each_light, plan, prepare
+from aw4d.render import EACH_LIGHT, edit, with_clip_exposure
+
+FRAMES, WIDTH, HEIGHT = 4, 160, 88
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+@pytest.fixture(scope="module")
+def street(tmp_path_factory: pytest.TempPathFactory) -> Clip:
+    """A few small frames of the street."""
+    out = tmp_path_factory.mktemp("street") / "street.clip"
+    return ingest_street(out, frames=FRAMES, width=WIDTH, height=HEIGHT, workers=1)
+
+
+def picture(clip: Clip, weather: str, index: int = 1, *sets: str) -> NDArray[np.float32]:
+    """A frame on NumPy, scene-linear."""
+    return next(edit(clip, weather, backend="numpy", frames=[index], assignments=sets)).rgb
+
+
+def test_at_night_the_sky_is_dark_and_the_beam_lies_on_the_asphalt(street: Clip) -> None:
+    frame, night = street.frame(1), picture(street, "night") @ LUMINANCE
+    source = frame["rgb"] @ LUMINANCE
+    assert np.median(night[frame["sky"]]) < 0.02 < 0.2 < np.median(source[frame["sky"]])  # but for lamps before it
+    dark = picture(street, "night", 1, "headlights.on=off") @ LUMINANCE
+    beam = night - dark
+    ahead = frame["road"] & (np.abs(np.arange(WIDTH) - WIDTH / 2) < WIDTH / 8) & (frame["depth"] < 15)
+    assert beam[ahead].mean() > 0.05
+    assert (beam >= -1e-6).all()
+    assert beam[frame["sky"]].max() == 0
+
+
+def test_overcast_has_no_shadow_of_the_sun(street: Clip) -> None:
+    layers = next(edit(street, "overcast", backend="numpy", frames=[1], layers=["shadow", "occlusion"])).layers
+    assert (layers["shadow"] == 1).all()
+    assert 0.5 < layers["occlusion"].mean() < 1
+    noon = next(edit(street, "overcast", backend="numpy", frames=[1], assignments=NOON, layers=["shadow"])).layers
+    assert 0.02 < 1 - noon["shadow"].mean() < 0.9
+
+
+NOON = ["ambient.preset=noon"]
+
+
+def test_a_higher_sun_is_brighter_on_the_road_at_the_same_exposure(street: Clip) -> None:
+    road = street.frame(1)["road"]
+    fixed = ["ambient.preset=noon", "exposure.white_cd_m2=30000"]
+    low, high = (
+        picture(street, "overcast", 1, *fixed, f"ambient.sun_altitude_deg={altitude}")[road].mean()
+        for altitude in (15, 60)
+    )
+    assert high > 2 * low
+
+
+def test_each_light_alone_adds_up_to_all_of_them(street: Clip) -> None:
+    made, backend = plan(street, "night"), NumpyBackend()
+    frame = prepare(street.frame(1, made.planes), made, 1)
+    alone = each_light(backend, frame, made, 1)
+    assert {name.removeprefix(LIGHT_LAYER) for name in alone} <= {light.name for light in made.lighting.lights(1)}
+    assert "light-ego-left" in alone
+    planes = backend.upload(frame, made.lighting.scene(1, frame.camera))
+    step = next(step for step in made.steps if step.name == "spot_lights")
+    backend.run("spot_lights", planes, step.params)
+    direct = planes.arrays["direct"] - frame["emissive"]
+    assert np.allclose(sum(alone.values()), direct, rtol=1e-4, atol=1e-5 * direct.max())
+
+
+def test_lamps_are_switched_by_group_and_by_name(street: Clip) -> None:
+    every = {light.name for light in plan(street, "night").lighting.lights(1)}
+    assert {"ego-left", "ego-right"} < every
+    assert any(name.startswith("street-") for name in every)
+    dark = {light.name for light in plan(street, "night", ["lights.street=off"]).lighting.lights(1)}
+    assert dark == {name for name in every if not name.startswith("street-")}
+    one = {light.name for light in plan(street, "night", ["lights.off=ego-left"]).lighting.lights(1)}
+    assert every - one == {"ego-left"}
+
+
+def test_moving_cars_shine_and_parked_ones_do_not(street: Clip) -> None:
+    info = street.info
+    names = {light.name for light in plan(street, "night").lighting.lights(1)}
+    for box in street.boxes(1):
+        track = [b.object_to_world[:3, 3] for boxes in info.boxes for b in boxes if b.track_id == box.track_id]
+        moves = float(np.linalg.norm(track[-1] - track[0])) > 1
+        assert any(name.startswith(f"vehicle-{box.track_id}-") for name in names) == moves
+
+
+@pytest.mark.parametrize("weather", ["night", "overcast", "dawn", "dusk", "fog"])
+def test_a_frame_alone_is_the_frame_of_the_whole_run(street: Clip, weather: str) -> None:
+    whole = [frame.rgb for frame in edit(street, weather, backend="numpy", frames=range(3))]
+    backwards = [frame.rgb for frame in edit(street, weather, backend="numpy", frames=[2, 1])]
+    assert np.array_equal(whole[2], backwards[0])
+    assert np.array_equal(whole[1], backwards[1])
+    assert np.isfinite(whole[0]).all()
+    assert (whole[0] >= 0).all()
+
+
+def test_a_steady_exposure_does_not_depend_on_the_frames_asked_for(street: Clip) -> None:
+    made, backend = plan(street, "night", ["night_grade.steady=on"]), NumpyBackend()
+    fixed = with_clip_exposure(street, made, backend)
+    luminance = fixed.settings.night_grade.luminance
+    assert luminance is not None
+    assert luminance > 0
+    assert made.settings.night_grade.luminance is None
+    assert with_clip_exposure(street, fixed, backend) is fixed
+    plain = plan(street, "night")
+    assert with_clip_exposure(street, plain, backend) is plain
+
+
+def test_metered_white() -> None:
+    assert metered_white(1e5, ExposureParams()) == pytest.approx(1e5 / math.pi)
+    assert metered_white(0.5, ExposureParams()) == ExposureParams().darkest_white_cd_m2
+    assert metered_white(1e5, ExposureParams(ev=1)) == pytest.approx(1e5 / math.pi / 2)
+    assert metered_white(1e5, ExposureParams(white_cd_m2=7)) == 7
+
+
+def test_frames_of_another_renderer_stand_in_for_the_ambient_light(street: Clip, tmp_path: Path) -> None:
+    for index in range(FRAMES):
+        write_png(tmp_path / f"{index:04d}.png", np.full((HEIGHT, WIDTH, 3), 10 * index, np.uint8))
+    sets = [f"ambient.frames={tmp_path}", "headlights.on=off", "lights.street=off", "lights.vehicles=off"]
+    made = plan(street, "dusk", sets)
+    assert "ambient" in made.skipped
+    rendered = next(edit(street, "dusk", backend="numpy", frames=[2], assignments=sets))
+    plain = street.frame(2)["emissive"].max(axis=-1) == 0
+    assert (rendered.image[plain] == 20).all()
+    write_png(tmp_path / "0001.png", np.zeros((HEIGHT, WIDTH + 1, 3), np.uint8))
+    with pytest.raises(InputError, match=r"0001\.png"):
+        picture(street, "dusk", 1, *sets)
+
+
+def test_layers_of_lights_come_with_the_frame(street: Clip) -> None:
+    frame = next(edit(street, "night", backend="numpy", frames=[1], layers=["ambient", EACH_LIGHT]))
+    assert {"ambient", "light-ego-left", "light-ego-right"} <= set(frame.layers)
+    assert frame.layers["light-ego-left"].shape == (HEIGHT, WIDTH, 3)
+
+
+def test_traffic_lights_stay_bright_at_night(street: Clip) -> None:
+    for index in range(FRAMES):
+        frame = street.frame(index)
+        green = frame["emissive"].max(axis=-1) > 0.2
+        if green.any():
+            night = picture(street, "night", index, "headlights.on=off")
+            assert (night[green].max(axis=-1) >= 0.9 * frame["emissive"][green].max(axis=-1)).all()
+            off = picture(street, "night", index, "headlights.on=off", "lights.traffic=off")
+            assert off[green].max() < night[green].max()

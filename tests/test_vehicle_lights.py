@@ -1,0 +1,204 @@
+"""Lights of other vehicles: which ones burn, where they are, and how their faces show in the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from aw4d.boxes import Box
+from aw4d.clip import ClipInfo
+from aw4d.errors import InputError
+from aw4d.io.source import LEVEL
+from aw4d.lights.light import Light
+from aw4d.lights.vehicles import vehicle_emission, vehicle_lights, vehicle_speeds
+from aw4d.params import VehicleLightParams
+
+Array = NDArray[np.float64]
+PARAMS = VehicleLightParams()
+WIDTH, HEIGHT, FOCAL = 320, 160, 300.0
+SIZE = (4.4, 1.5, 1.8)
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+
+def _box(x: float, z: float, heading: float = 0.0, category: str = "car", track: int = 7) -> Box:
+    """On the ground y = 0; heading 0 looks along +z, towards a camera that looks along -z."""
+    pose = np.eye(4)
+    forward = np.array([np.sin(heading), 0, np.cos(heading)])
+    pose[:3, 0], pose[:3, 1], pose[:3, 2] = forward, (0, 1, 0), np.cross(forward, (0, 1, 0))
+    pose[:3, 3] = x, SIZE[1] / 2, z
+    return Box(track_id=track, category=category, object_to_world=pose, size=SIZE)
+
+
+def _info(box: Callable[[int], Box | None], frames: int = 9, rate: float = 10.0) -> ClipInfo:
+    poses = np.tile(LEVEL, (frames, 1, 1))
+    poses[:, 1, 3] = 1.5
+    K = np.array([[FOCAL, 0, (WIDTH - 1) / 2], [0, FOCAL, (HEIGHT - 1) / 2], [0, 0, 1]])
+    found = [box(index) for index in range(frames)]
+    return ClipInfo(
+        name="traffic",
+        width=WIDTH,
+        height=HEIGHT,
+        K=np.tile(K, (frames, 1, 1)),
+        camera_to_world=poses,
+        times=np.arange(frames) / rate,
+        boxes=[[] if b is None else [b] for b in found],
+    )
+
+
+def _oncoming(index: int) -> Box:
+    return _box(-2.0, -40 + index)
+
+
+def _ahead(index: int) -> Box:
+    return _box(1.0, -20 - index, np.pi)
+
+
+def _lights(info: ClipInfo, index: int = 4, params: VehicleLightParams = PARAMS) -> dict[str, Light]:
+    return {light.name: light for light in vehicle_lights(info, index, params, white_cd_m2=10.0)}
+
+
+def test_speed_is_that_over_the_ground() -> None:
+    speeds = vehicle_speeds(_info(_oncoming))
+    assert [frame[7] for frame in speeds] == pytest.approx([10.0] * 9)
+
+
+def test_the_camera_s_own_motion_does_not_count() -> None:
+    info = _info(lambda index: _box(3, -30))
+    poses = info.camera_to_world.copy()
+    poses[:, 2, 3] = -np.arange(9) * 1.5
+    assert max(frame[7] for frame in vehicle_speeds(replace(info, camera_to_world=poses))) < 1e-9
+
+
+@pytest.mark.parametrize("rate", [10.0, 30.0])
+def test_jitter_is_no_motion(rate: float) -> None:
+    rng = np.random.default_rng(0)
+    jitter = rng.normal(0, 0.1, (60, 2))
+    info = _info(lambda index: _box(3 + jitter[index, 0], -30 + jitter[index, 1]), 60, rate)
+    assert max(frame[7] for frame in vehicle_speeds(info)) < 1.0
+    assert _lights(info) == {}
+
+
+def test_a_speed_is_known_despite_jitter() -> None:
+    rng = np.random.default_rng(0)
+    jitter = rng.normal(0, 0.1, (60, 2))
+    info = _info(lambda index: _box(jitter[index, 0], -90 + index + jitter[index, 1]), 60)
+    assert [frame[7] for frame in vehicle_speeds(info)] == pytest.approx([10.0] * 60, abs=1.0)
+
+
+def test_frames_that_are_missing_and_tracks_of_one_frame() -> None:
+    gaps = vehicle_speeds(_info(lambda index: _oncoming(index) if index % 2 else None))
+    assert [sorted(frame) for frame in gaps] == [[7] if index % 2 else [] for index in range(9)]
+    assert gaps[5][7] == pytest.approx(10)
+    once = _info(lambda index: _oncoming(index) if index == 4 else None)
+    assert vehicle_speeds(once)[4] == {7: 0.0}
+    assert _lights(once) == {}
+
+
+def test_an_oncoming_car() -> None:
+    lights = _lights(_info(_oncoming))
+    assert set(lights) == {f"vehicle-7-{end}-{side}" for end in ("head", "tail") for side in ("left", "right")}
+    head, tail = lights["vehicle-7-head-left"], lights["vehicle-7-tail-right"]
+    z = -40 + 4.0
+    # It comes towards a camera that looks along -z, so that its left is at larger x.
+    np.testing.assert_allclose(head.position, (-2 + 0.75 * 0.9, 0.65, z + 2.2), atol=1e-9)
+    np.testing.assert_allclose(tail.position, (-2 - 0.75 * 0.9, 0.7, z - 2.2), atol=1e-9)
+    np.testing.assert_allclose(head.direction, (0, -np.sin(np.deg2rad(1)), np.cos(np.deg2rad(1))), atol=1e-9)
+    np.testing.assert_allclose(tail.direction, (0, 0, -1), atol=1e-9)
+    assert np.dot(head.intensity, LUMINANCE) == pytest.approx(2000)
+    assert np.dot(tail.intensity, LUMINANCE) == pytest.approx(2)
+    assert tail.intensity[1:] == (0, 0)
+
+
+def test_motion_tells_the_front() -> None:
+    """A box that is drawn the wrong way round has its headlights where the vehicle goes."""
+    right, wrong = _lights(_info(_oncoming)), _lights(_info(lambda index: _box(-2.0, -40 + index, np.pi)))
+    for name, light in right.items():
+        np.testing.assert_allclose(wrong[name].position, light.position, atol=1e-9)
+
+
+def test_a_car_that_waits_keeps_its_lights_on() -> None:
+    info = _info(lambda index: _box(-2, -40 + max(0, index - 20)), 40)
+    assert vehicle_speeds(info)[0][7] == 0
+    assert len(_lights(info, 0)) == 4
+
+
+@pytest.mark.parametrize(
+    ("category", "count"),
+    [("Van", 4), ("vehicle.bus.rigid", 4), ("vehicle.motorcycle", 2), ("Pedestrian", 0), ("Cyclist", 0), ("Misc", 0)],
+)
+def test_kinds_of_vehicles(category: str, count: int) -> None:
+    assert len(_lights(_info(lambda index: _box(0, -40 + index, category=category)))) == count
+
+
+def test_a_clip_without_boxes() -> None:
+    info = replace(_info(_oncoming), boxes=[])
+    assert vehicle_lights(info, 0, PARAMS, white_cd_m2=1.0) == []
+    assert vehicle_speeds(info) == [{}] * 9
+
+
+def _planes(z: float) -> dict[str, NDArray[np.generic]]:
+    """A vehicle all over the picture, at one depth."""
+    return {"vehicle": np.ones((HEIGHT, WIDTH), np.int32), "depth": np.full((HEIGHT, WIDTH), z, np.float32)}
+
+
+def _emission(info: ClipInfo, z: float, **change: object) -> Array:
+    light = vehicle_emission(info, 4, {**_planes(z), **change}, PARAMS, white_cd_m2=10.0)  # type: ignore[dict-item]
+    assert light.dtype == np.float32
+    assert (light >= 0).all()
+    assert np.isfinite(light).all()
+    return light.astype(np.float64)
+
+
+def test_headlights_show_from_the_front_and_tail_lights_from_behind() -> None:
+    oncoming, ahead = _emission(_info(_oncoming), 34.0), _emission(_info(_ahead), 21.8)
+    assert oncoming[..., 1].max() > 0
+    assert (ahead[..., 0].max() > 0) & (ahead[..., 1:].max() == 0)
+    assert 0.9 < ahead.max() / (300 / 0.2126) <= 1
+    assert oncoming.sum(axis=-1).astype(bool).sum() <= 2 * 36
+
+
+@pytest.mark.parametrize("z", [4.0, 10, 30, 60, 90])
+def test_the_flux_of_a_face_falls_with_the_square_of_the_distance(z: float) -> None:
+    info = _info(lambda index: _box(0, -z - 2.0 - 0.5 * (index - 4), np.pi))
+    light = _emission(info, z)[..., 0].sum()
+    radius = 0.09 * FOCAL / z
+    assert light == pytest.approx(2 * np.pi * radius**2 * 300 / 0.2126, rel=0.03)
+
+
+def test_a_far_lamp_does_not_flicker_as_it_moves() -> None:
+    sums = []
+    for shift in np.linspace(0, 1, 11):
+        info = _info(lambda index, shift=shift: _box(shift * 0.3, -90 - 0.5 * (index - 4), np.pi))
+        sums.append(_emission(info, 88)[..., 0].sum())
+    np.testing.assert_allclose(sums, sums[0], rtol=1e-3)
+
+
+def test_what_stands_in_front_hides_a_lamp() -> None:
+    info = _info(_ahead)
+    assert _emission(info, 10.0).max() == 0
+    assert _emission(info, 21.8, vehicle=np.zeros((HEIGHT, WIDTH), np.int32)).max() == 0
+
+
+def test_behind_the_camera_and_outside_of_the_picture() -> None:
+    for x, z in ((0.0, 20.0), (60.0, -20.0), (0.0, -1.0)):
+        info = _info(lambda index, x=x, z=z: _box(x, z + 0.5 * (index - 4)))
+        assert _emission(info, abs(z)).shape == (HEIGHT, WIDTH, 3)
+
+
+def test_lamps_can_be_switched_off_one_by_one() -> None:
+    info = _info(_ahead)
+    both, left = (
+        vehicle_emission(info, 4, _planes(21.8), PARAMS, white_cd_m2=10.0, lit=lit)[..., 0]
+        for lit in (None, frozenset({"vehicle-7-tail-left"}))
+    )
+    assert left.sum() == pytest.approx(both.sum() / 2, rel=1e-3)
+    assert np.nonzero(left)[1].mean() < np.nonzero(both)[1].mean()
+
+
+def test_a_plane_of_another_size_is_refused() -> None:
+    with pytest.raises(InputError, match=r"depth: expected a plane of \(160, 320\)"):
+        _emission(_info(_ahead), 10.0, depth=np.ones((3, 3), np.float32))
