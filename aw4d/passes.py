@@ -6,7 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
-from aw4d.params import AmbientParams, FogParams, HarmonizeParams, NightGradeParams, OvercastSkyParams, Params, SpotLightsParams
+from aw4d.params import (
+    AmbientParams,
+    FogParams,
+    HarmonizeParams,
+    NightGradeParams,
+    OvercastSkyParams,
+    Params,
+    SpotLightsParams,
+)
 
 TILE = 16  # [px] side of the squares for which lights are sorted out; a multiple of every vector width
 GROUPS, GROUP_ITEMS = 64, 64  # enough to fill a GPU and to balance a CPU's cores

@@ -25,15 +25,17 @@ static inline float solid_or_nothing(
     return x >= 0 && x < width && y >= 0 && y < height ? solid[y * pitch + x] : NOTHING;
 }
 
-/* A row of the picture's pixels and the one before it: its quads' upper left pixels. */
+/* Quads of part of a row, told by their upper left pixels. */
 static inline void write_quads(
     __global float *restrict quads, __global const float *restrict solid, const int from, const int to, const int y,
     const int width, const int height, const int pitch)
 {
     for (int x = from; x < to; x++) {
-        const float4 q = (float4)(
-            solid_or_nothing(solid, x, y, width, height, pitch), solid_or_nothing(solid, x + 1, y, width, height, pitch),
-            solid_or_nothing(solid, x, y + 1, width, height, pitch), solid_or_nothing(solid, x + 1, y + 1, width, height, pitch));
+        float4 q;
+        q.x = solid_or_nothing(solid, x, y, width, height, pitch);
+        q.y = solid_or_nothing(solid, x + 1, y, width, height, pitch);
+        q.z = solid_or_nothing(solid, x, y + 1, width, height, pitch);
+        q.w = solid_or_nothing(solid, x + 1, y + 1, width, height, pitch);
         vstore4(q, (y + 1) * (pitch + 1) + x + 1, quads);
     }
 }
@@ -60,14 +62,11 @@ static inline floatw specular_occlusion(const floatw NoV, const floatw occlusion
     return clamp(exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion, 0.0f, 1.0f);
 }
 
-/* Weights of irradiance and of the lobes in one channel of what is reflected: the pigment and light reflected more than
- * once (Fdez-Aguera 2019), and F0. */
-static inline floatw diffuse_share(const floatw albedo, const floatw metal, const floatw F0, const floatw A, const floatw B)
+/* Share of white surroundings' light that leaves the microfacets after more than one reflection. Fdez-Aguera 2019. */
+static inline floatw reflected_again(const floatw F0, const floatw A, const floatw B)
 {
-    const floatw once = fma(F0, A, B), lost = 1.0f - (A + B);
-    const floatw mean = fma(F0, 20.0f / 21, 1.0f / 21);
-    const floatw again = once * mean * lost / fma(-mean, lost, 1.0f);
-    return fma(albedo * (1.0f - metal), 1.0f - once - again, again);
+    const floatw mean = fma(F0, 20.0f / 21, 1.0f / 21), more = mean * (1.0f - (A + B));
+    return fma(F0, A, B) * more / (1.0f - more);
 }
 
 __kernel void ambient(
@@ -143,16 +142,18 @@ __kernel void ambient(
         const floatw fr = fma(cr - DIELECTRIC_F0, metal, DIELECTRIC_F0);
         const floatw fg = fma(cg - DIELECTRIC_F0, metal, DIELECTRIC_F0);
         const floatw fb = fma(cb - DIELECTRIC_F0, metal, DIELECTRIC_F0);
-        const floatw dr = diffuse_share(cr, metal, fr, A.x, B.x);
-        const floatw dg = diffuse_share(cg, metal, fg, A.x, B.x);
-        const floatw db = diffuse_share(cb, metal, fb, A.x, B.x);
+        const floatw interface = fma(DIELECTRIC_F0, A.x, B.x) + reflected_again(DIELECTRIC_F0, A.x, B.x);
+        const floatw inside = (1.0f - metal) * (1.0f - interface);
+        const floatw dr = fma(cr, inside, reflected_again(fr, A.x, B.x));
+        const floatw dg = fma(cg, inside, reflected_again(fg, A.x, B.x));
+        const floatw db = fma(cb, inside, reflected_again(fb, A.x, B.x));
         r = fma(dr * gain, E_sky.x, fma(fr * share_A, a.x, share_B * b_.x));
         g = fma(dg * gain, E_sky.y, fma(fg * share_A, a.y, share_B * b_.y));
         b = fma(db * gain, E_sky.z, fma(fb * share_A, a.z, share_B * b_.z));
 
         if (sun_on) {
             const float3 L = vload3(0, sun_direction), E = vload3(0, sun_irradiance);
-            const floatw NoL = fma(nx, L.x, fma(ny, L.y, nz * L.z));
+            const floatw NoL = exact_dot(n0, n1, n2, L.x, L.y, L.z) * unit;
             lit = sun_shadow(
                 ambient_quad, surface, n0, n1, n2, NoL, z, u, (float)v, width, height, pitch, fx, fy, cx, cy, L,
                 shadow_steps, shadow_distance_m, thickness_m);

@@ -29,6 +29,12 @@ static inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y,
     return light;
 }
 
+/* A pixel's ray (kx, ky, 1) before it is normalised, and what rounding took off it. */
+typedef struct {
+    floatw kx, kx_lo;
+    float ky, ky_lo;
+} Ray;
+
 /* What the nodes of one ray and one light have in common. (sm, cm): sine and cosine of half the scattering angle in the
  * stretch's middle. (sl, cl), (sh, ch): of half the angles from the cone's two sides to it, the first times
  * 2 R / (cos_inner - cos_outer), so that cos - cos_outer = 2 R sin(..) sin(..) keeps its digits at the cone's edge. */
@@ -90,15 +96,17 @@ static inline floatw axis_across(
 
 /* Single-scattering integral along the rays (x, y, z), equiangular (Kulla and Fajardo 2012). */
 static inline floatw along_ray(
-    const Lamp lamp, const float r_max, const floatw x, const floatw y, const floatw z, const floatw s,
+    const Lamp lamp, const float r_max, const Ray ray, const floatw x, const floatw y, const floatw z, const floatw s,
     const float extinction, const float g,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
 {
     const floatw t0 = fma(x, lamp.px, fma(y, lamp.py, z * lamp.pz));
-    /* across = position x ray: the distance from it loses no digits where |position| >> D */
-    const floatw ax = lamp.py * z - lamp.pz * y;
-    const floatw ay = lamp.pz * x - lamp.px * z;
-    const floatw az = lamp.px * y - lamp.py * x;
+    /* across = position x ray, of the ray before it was normalised and with what rounding took off it: where the lamp is far
+     * and the ray passes near, a rounded ray would miss the lamp's true distance from it. */
+    const floatw wx = lamp.py * ray.kx;
+    const floatw ax = z * (fma(-lamp.pz, ray.ky, lamp.py) - lamp.pz * ray.ky_lo);
+    const floatw ay = z * (fma(lamp.pz, ray.kx, -lamp.px) + lamp.pz * ray.kx_lo);
+    const floatw az = z * (fma(lamp.px, ray.ky, -wx) - fma(lamp.py, ray.kx, -wx) + fma(lamp.px, ray.ky_lo, -lamp.py * ray.kx_lo));
     const floatw D2 = fma(ax, ax, fma(ay, ay, fma(az, az, EPSILON)));
     const floatw reach2 = r_max * r_max - D2;
     const bool spot = lamp.cos_outer >= 0.0f;
@@ -222,11 +230,17 @@ __kernel void fog(
     const int v = get_global_id(1);
     const int i = v * pitch + u0;
 
-    const floatw kx = ((float)u0 + LANES - cx) / fx;
-    const float ky = ((float)v - cy) / fy;
-    const floatw stretch = sqrt(fma(kx, kx, fma(ky, ky, 1.0f)));
+    const floatw column = (float)u0 + LANES, du = column - cx;
+    const float dv = (float)v - cy;
+    const float row_c = dv - (float)v, row_off = ((float)v - (dv - row_c)) - (cy + row_c);
+    Ray ray;
+    ray.kx = du / fx;
+    ray.ky = dv / fy;
+    ray.kx_lo = (fma(-ray.kx, fx, du) + off_difference(column, cx, du)) / fx;
+    ray.ky_lo = (fma(-ray.ky, fy, dv) + row_off) / fy;
+    const floatw stretch = sqrt(fma(ray.kx, ray.kx, fma(ray.ky, ray.ky, 1.0f)));
     const floatw z = 1.0f / stretch;
-    const floatw x = kx * z, y = ky * z;
+    const floatw x = ray.kx * z, y = ray.ky * z;
 
     floatw s = fmin(LOADW(depth + i) * stretch, extent_m);
     if (convention != PAPER)
@@ -237,7 +251,7 @@ __kernel void fog(
     const floatw T = exp_negative(-extinction * s);
     const floatw opacity = one_minus_exp(extinction * s, T);
 
-    const float3 bundle = normalize((float3)((u0 + 0.5f * (W - 1) - cx) / fx, ky, 1.0f));
+    const float3 bundle = normalize((float3)((u0 + 0.5f * (W - 1) - cx) / fx, ray.ky, 1.0f));
     const float half_angle = 0.5f * (W - 1) / fx;       /* [rad] at most, off the axis less */
     floatw r = 0.0f, g_ = 0.0f, b = 0.0f;
     for (int l = 0; l < light_count; l++) {
@@ -256,7 +270,7 @@ __kernel void fog(
             const Lamp a = lamp(l, light_position, light_direction, light_shape);
             glow = convention == PAPER
                 ? at_surface(a, x, y, z, s, g)
-                : along_ray(a, light_r_max[l], x, y, z, s, extinction, g, node_x, node_w, node_pairs);
+                : along_ray(a, light_r_max[l], ray, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
         }
         r = fma(glow, E.x, r);
         g_ = fma(glow, E.y, g_);

@@ -293,7 +293,7 @@ __kernel void night_grade_blur_down(
         all &= here;
     }
     floatw sum = SELECTW(LOADMASKW(column + y * pitch), 1.0f, 0.0f);
-    if (ANYW(some != all)) { /* else away from the mask's edge */
+    if (ANYW(INTW(some != all))) { /* else away from the mask's edge */
         sum = 0.0f;
         for (int k = -reach; k <= reach; k++)
             sum += SELECTW(LOADMASKW(column + clamp(y + k, 0, height - 1) * pitch), grade_taps[abs(k)], 0.0f);

@@ -3,9 +3,9 @@
     L = (d + m) E / pi * occlusion + (F0 A L_A + B L_B) * specular occlusion + f_r NoL E_sun * shadow
 
 E is the irradiance of the surroundings on the surface; L_A and L_B the mean radiance that the two parts of Schlick's
-Fresnel term see (the split sum, Karis 2013, with a lobe of its own for each part); A and B their shares. What the surface
-reflects more than once, m, and what is left for the pigment, d, follow from A and B (Fdez-Aguera 2019), so that a white
-surface in a white surrounding reflects exactly what it gets. The sky shows the surroundings themselves.
+Fresnel term see (the split sum, Karis 2013, with a lobe of its own for each part); A and B their shares. What the
+surface reflects more than once, m, and what is left for the pigment, d, follow from A and B (Fdez-Aguera 2019), so that
+a white surface in a white surrounding reflects exactly what it gets. The sky shows the surroundings themselves.
 """
 
 from __future__ import annotations
@@ -163,14 +163,19 @@ def reflected(
 
     F0 = DIELECTRIC_F0 + (albedo - DIELECTRIC_F0) * metallic[:, None]
     A, B = A[:, None], B[:, None]
-    once = F0 * A + B
-    lost = 1 - (A + B)  # what a perfect mirror's microfacets reflect more than once
-    F_mean = F0 + (1 - F0) / 21
-    again = once * F_mean * lost / (1 - F_mean * lost)
-    pigment = albedo * (1 - metallic[:, None]) * (1 - once - again)
+    again = _reflected_again(F0, A, B)
+    interface = DIELECTRIC_F0 * A + B + _reflected_again(np.array(DIELECTRIC_F0), A, B)
+    pigment = albedo * (1 - metallic[:, None]) * (1 - interface)
     specular = F0 * A * seen(turn_A, rough_A) + B * seen(turn_B, rough_B)
     open_ = specular_occlusion(NoV, occlusion, roughness)[:, None]
     return (pigment + again) * E * (occlusion[:, None] / np.pi) + specular * open_
+
+
+def _reflected_again(F0: Array, A: Array, B: Array) -> Array:
+    """Share of white surroundings' light that the microfacets reflect more than once. Fdez-Aguera 2019."""
+    lost = 1 - (A + B)  # of the light on a perfect mirror
+    mean = F0 + (1 - F0) / 21  # of Schlick's F over the half space
+    return (F0 * A + B) * mean * lost / (1 - mean * lost)
 
 
 def specular_occlusion(NoV: Array, occlusion: Array, roughness: Array) -> Array:

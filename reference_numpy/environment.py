@@ -1,9 +1,9 @@
 """Light from all around: octahedral tables and their lookup, and the lobes in which surfaces reflect it.
 
-A table holds a quantity for every direction of the world (y up) on a square: a direction d goes to d / (|x| + |y| + |z|),
-whose upper half falls on the inner diamond (x, z) and whose lower half is folded out to the corners (octahedral map,
-Engelhardt and Dachsbacher 2008). Texels sit on the square's corners and edges, not inside them, so that a bilinear lookup
-needs no texel beyond an edge and is continuous everywhere.
+A table holds a quantity for every direction of the world (y up) on a square: a direction d goes to
+d / (|x| + |y| + |z|), whose upper half falls on the inner diamond (x, z) and whose lower half is folded out to the
+corners (octahedral map, Engelhardt and Dachsbacher 2008). Texels sit on the square's corners and edges, not inside,
+so that a bilinear lookup needs no texel beyond an edge and is continuous everywhere.
 """
 
 from __future__ import annotations
@@ -80,9 +80,9 @@ def lobes(table: Array, NoV: Array, roughness: Array) -> tuple[Array, ...]:
     """Shares of the two parts of Schlick's Fresnel term F0 (1 - x) + x, and the lobe that each sees, (...,) each.
 
     Table (M, M, 8): rows for roughness 0 to 1, columns for sqrt(NoV) 0 to 1, in equal steps. Its channels, for the part
-    with F0, then for the other: the share of white surroundings' light that is reflected (A and B of Karis 2013), how far
-    the lobe's mean direction is turned from the mirror direction (0) to the normal (1), the roughness of the table in
-    `prefiltered` that is as wide, and one that is not used.
+    with F0, then for the other: the share of white surroundings' light that is reflected (A and B of Karis 2013), how
+    far the lobe's mean direction is turned from the mirror direction (0) to the normal (1), the roughness of the table
+    in `prefiltered` that is as wide, and one that is not used.
     """
     last = table.shape[0] - 1
     found = bilinear(table, np.sqrt(NoV) * last, roughness * last)

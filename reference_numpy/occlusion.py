@@ -1,9 +1,9 @@
 """Ambient occlusion: the share of its surroundings that a surface sees past what the picture shows near it.
 
-Horizon-based (Jimenez et al. 2016): the half space above the surface is cut into slices that hold the view direction, and
-in each one the highest thing on both sides bounds what is seen; the cosine-weighted arc between has a closed form. The
-samples lie on a fixed pattern of whole pixels, the same for every pixel and frame, so that nothing swims and no lookup
-needs rounding; and the arcs of an open half space are divided out, so that a plane comes out at exactly 1.
+Horizon-based (Jimenez et al. 2016): the half space above the surface is cut into slices that hold the view direction,
+and in each one the highest thing on both sides bounds what is seen; the cosine-weighted arc between has a closed form.
+The samples lie on a fixed pattern of whole pixels, the same for every pixel and frame, so that nothing swims and no
+lookup needs rounding; and the arcs of an open half space are divided out, so that a plane comes out at exactly 1.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def ambient_occlusion(
                 to = ray * deeper[..., None] + offset
                 d2 = np.einsum("...c,...c->...", to, to)
                 towards_eye = -deeper * stretch - np.einsum("...c,...c->...", offset, ray) / stretch
-                weight = np.clip(1 - d2 / occlusion_radius_m**2, 0.0, 1.0)
+                weight = np.clip(1 - d2 / occlusion_radius_m**2, 0.0, 1.0) ** 2
                 cosine = towards_eye / np.sqrt(np.maximum(d2, 1e-12))
                 horizon = np.maximum(horizon, weight * (cosine + side * sin_g) - side * sin_g)
             seen += length * _arc(horizon, side, sin_g, cos_g, g)
@@ -96,7 +96,7 @@ def _shifted(depth: Array, sky: NDArray[np.bool_], du: int, dv: int) -> Array:
 
 
 def _arc(horizon: Array, side: int, sin_g: Array, cos_g: Array, g: Array) -> Array:
-    """Cosine-weighted arc from the eye's direction to a horizon, whose cosine to it is given. Jimenez et al. 2016, eq. 7.
+    """Cosine-weighted arc from the eye's direction to a horizon, given the cosine to it. Jimenez et al. 2016, eq. 7.
 
     With h the signed angle to the horizon and g that of the normal: (cos g - cos(2 h - g) + 2 h sin g) / 4.
     """

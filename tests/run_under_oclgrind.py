@@ -10,10 +10,10 @@ import numpy as np
 from aw4d import opencl
 from aw4d.backend_opencl import OpenCLBackend
 from aw4d.lights.light import in_camera
-from aw4d.params import FogParams
+from aw4d.params import FogParams, SpotLightsParams
 from aw4d.passes import PASSES
 from aw4d.scene import Scene
-from tests import grade_inputs
+from tests import grade_inputs, lit_inputs
 from tests.fog_inputs import all_kinds, frame, on, street_lamps
 
 SIZES = ((37, 13), (16, 2), (1, 1))  # width, height [px]
@@ -76,6 +76,17 @@ def grade(name: str) -> None:
                     assert np.isfinite(values).all(), key
 
 
+def spot_lights(convention: str) -> None:
+    """Local lights under every kind of light and none, more than a word of bits holds, at every width and odd sizes."""
+    p = SpotLightsParams(convention=convention)
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source = lit_inputs.frame(columns, rows)
+            for lights in ([], [*all_kinds(), *street_lamps(40)]):
+                assert np.isfinite(lit_inputs.on(backend, source, lights, p)).all()
+
+
 def faulty(name: str) -> None:
     """A kernel with a fault, which must be reported."""
     cl = opencl.load()
@@ -89,5 +100,5 @@ def faulty(name: str) -> None:
 
 
 if __name__ == "__main__":
-    run, case = {"fog": fog, "grade": grade, "faulty": faulty}[sys.argv[1]], sys.argv[2]
+    run, case = {"fog": fog, "grade": grade, "spot_lights": spot_lights, "faulty": faulty}[sys.argv[1]], sys.argv[2]
     run(case)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from reference_numpy.brdf import (
-    DIELECTRIC_F0,
     D_GGX,
+    DIELECTRIC_F0,
     F_Schlick,
     V_SmithGGXCorrelated,
     alpha_of,

@@ -62,6 +62,15 @@ def test_the_ground_goes_on_below_the_lowest_ring() -> None:
     np.testing.assert_allclose(depth[90:], 1 / inverse[90:], rtol=0.01)
 
 
+def test_the_ground_goes_on_beyond_the_last_ring_where_nothing_was_struck() -> None:
+    camera = camera_of(160, 120)
+    inverse = np.maximum(camera.rays() @ np.array((0.0, 0.6, 0.0)), 1e-3)
+    points = rings(camera, inverse, np.arange(52.0, 110.0, 5.0))  # the last ring lies at 41.7 m
+    depth = complete_depth(points, rgb=grey(camera), camera=camera, sky=no_sky(camera))
+    beyond = np.s_[46:52, 10:-10]  # to 83 m
+    np.testing.assert_allclose(depth[beyond], 1 / inverse[beyond], rtol=0.05)
+
+
 def two_walls(camera: Camera) -> tuple[Array, NDArray[np.uint8]]:
     """A wall at 8 m before one at 25 m, and their picture."""
     inverse, rgb = np.full(camera.shape, 1 / 25), grey(camera)

@@ -65,6 +65,16 @@ def test_a_step_does_not_bend_the_normals_beside_it() -> None:
     assert degrees(normal, np.array((0.0, 0.0, -1.0)))[:, np.r_[:59, 62:108, 112:161]].max() < 1
 
 
+def test_columns_of_guessed_depth_leave_no_streaks() -> None:
+    depth = np.full(CAMERA.shape, 20, dtype=np.float32)
+    depth *= np.exp(np.random.default_rng(5).normal(0, 0.1, CAMERA.width)).astype(np.float32)
+    guessed = np.ones(CAMERA.shape, dtype=np.bool_)
+    normal = normals_from_depth(depth, camera=CAMERA, sky=NO_SKY, guessed=guessed)
+    assert degrees(normal, normal[48, 80]).max() < 2
+    assert normal[48, 80, 1] < -0.3  # up
+    assert normal[48, 80, 2] < -0.7  # and to the eye
+
+
 @pytest.mark.parametrize("size", [(1, 1), (1, 7), (9, 1), (2, 2)])
 def test_tiny_images(size: tuple[int, int]) -> None:
     camera = Camera(width=size[0], height=size[1], K=np.array([[50.0, 0, 0], [0, 50.0, 0], [0, 0, 1]]))

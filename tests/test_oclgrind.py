@@ -40,6 +40,11 @@ def test_fog(oclgrind: str, tmp_path: Path, convention: str) -> None:
     assert _findings(oclgrind, tmp_path / "log", "fog", convention) == ""
 
 
+@pytest.mark.parametrize("convention", ["physical", "paper"])
+def test_spot_lights(oclgrind: str, tmp_path: Path, convention: str) -> None:
+    assert _findings(oclgrind, tmp_path / "log", "spot_lights", convention) == ""
+
+
 @pytest.mark.parametrize("name", ["night_grade", "overcast_sky", "harmonize"])
 def test_grade(oclgrind: str, tmp_path: Path, name: str) -> None:
     assert _findings(oclgrind, tmp_path / "log", "grade", name) == ""

@@ -16,7 +16,7 @@ from aw4d.ingest import ingest_street
 from aw4d.io.images import write_png
 from aw4d.lighting import metered_white
 from aw4d.params import ExposureParams
-from aw4d.pipeline import LIGHT_LAYER, each_light, plan, prepare
+from aw4d.pipeline import LIGHT_LAYER, each_light, plan, prepare, render
 from aw4d.render import EACH_LIGHT, edit, with_clip_exposure
 
 FRAMES, WIDTH, HEIGHT = 4, 160, 88
@@ -158,3 +158,11 @@ def test_traffic_lights_stay_bright_at_night(street: Clip) -> None:
             assert (night[green].max(axis=-1) >= 0.9 * frame["emissive"][green].max(axis=-1)).all()
             off = picture(street, "night", index, "headlights.on=off", "lights.traffic=off")
             assert off[green].max() < night[green].max()
+
+
+@pytest.mark.parametrize("weather", ["night", "overcast", "dawn", "fog"])
+def test_a_scene_that_stands_still_does_not_flicker(street: Clip, weather: str) -> None:
+    made = plan(street, weather, ["lights.vehicles=off"])
+    still = street.frame(1, made.planes)
+    first, later = (render(NumpyBackend(), still, made, index)["rgb"] for index in (0, 3))
+    assert np.array_equal(first, later)

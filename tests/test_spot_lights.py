@@ -10,9 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from aw4d import street
 from aw4d.compare import BAR_MAX, BAR_P9999, error
+from aw4d.gbuffer import GBuffer
+from aw4d.lights.ego import headlights
 from aw4d.lights.light import Light
-from aw4d.params import SpotLightsParams
+from aw4d.params import HeadlightParams, SpotLightsParams
+from aw4d.passes import PASSES
 from reference_numpy.lamp import EPSILON
 from tests.lit_inputs import all_kinds, frame, inherent_error, on, reference, street_lamps, unchecked
 
@@ -20,7 +24,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from aw4d.backend_opencl import OpenCLBackend
-    from aw4d.gbuffer import GBuffer
 
 SIZE = (54, 96)
 
@@ -69,16 +72,19 @@ def test_no_light_falls_on_the_sky() -> None:
     source = frame()
     out = reference(source, all_kinds(), params())
     assert np.array_equal(out[source["sky"]], source["emissive"][source["sky"]])
-    assert (out[~source["sky"]].sum(-1) > 0).mean() > 0.9
+    assert (out != source["emissive"]).any()
 
 
 def test_light_falls_with_the_square_of_the_distance() -> None:
-    def middle(distance: float) -> float:
-        bulb = Light(kind="point", position=(0, 0, 40 - distance), r_max_m=1e5, frame="camera")
-        return float(reference(frame(**WALL, **MATT, depth=full(40)), [bulb], params())[27, 48, 0])
+    source = frame(**WALL, **MATT, depth=full(40))
+    point = source.camera.unproject(source["depth"])[27, 48]
 
-    assert middle(2) / middle(4) == pytest.approx(4, rel=2e-3)
-    assert middle(1) / middle(10) == pytest.approx(100, rel=2e-2)
+    def lit(distance: float) -> float:
+        bulb = Light(kind="point", position=tuple(point - [0, 0, distance]), r_max_m=1e5, frame="camera")
+        return float(reference(source, [bulb], params())[27, 48, 0])
+
+    assert lit(2) / lit(4) == pytest.approx(4, rel=1e-3)
+    assert lit(1) / lit(10) == pytest.approx(100, rel=1e-3)
 
 
 def test_a_white_diffuser_under_irradiance_pi_shows_as_one() -> None:
@@ -148,9 +154,9 @@ def test_paper_convention_is_the_printed_formula() -> None:
     v = -points / np.linalg.norm(points, axis=-1, keepdims=True)
     p = np.array(light.position) - points
     d2 = (p**2).sum(-1)
-    l = p / np.sqrt(d2)[..., None]
-    h = (l + v) / np.linalg.norm(l + v, axis=-1, keepdims=True)
-    NoV, NoL, NoH = (np.maximum((n * x).sum(-1), 1e-4) for x in (v, l, h))
+    to_light = p / np.sqrt(d2)[..., None]
+    h = (to_light + v) / np.linalg.norm(to_light + v, axis=-1, keepdims=True)
+    NoV, NoL, NoH = (np.maximum((n * x).sum(-1), 1e-4) for x in (v, to_light, h))
     a2 = np.maximum(source["roughness"].astype(np.float64), 0.045) ** 4
     D = a2 / (np.pi * (NoH**2 * (a2 - 1) + 1) ** 2)
     G = 0.5 / (NoL * np.sqrt(NoV**2 * (1 - a2) + a2) + NoV * np.sqrt(NoL**2 * (1 - a2) + a2))
@@ -160,7 +166,7 @@ def test_paper_convention_is_the_printed_formula() -> None:
     f_r = source["albedo"] * (1 - metal) / np.pi + (D * G / (4 * NoV * NoL))[..., None] * F
     window = np.maximum(1 - (d2 / light.r_max_m**2) ** 2, 0) ** 2
     expected = source["emissive"] + f_r * (NoL * window / (d2 + EPSILON))[..., None] * np.array(light.intensity)
-    plain = ~sky & ((n * l).sum(-1) > 1e-3) & ((n * v).sum(-1) > 1e-3)
+    plain = ~sky & ((n * to_light).sum(-1) > 1e-3) & ((n * v).sum(-1) > 1e-3)
     assert plain.sum() > 500
     assert np.allclose(found[plain], expected[plain], rtol=1e-4)
 
@@ -168,33 +174,50 @@ def test_paper_convention_is_the_printed_formula() -> None:
 # ---- kernels against the reference
 
 
-def check(backend: OpenCLBackend, source: GBuffer, lights: Sequence[Light], p: SpotLightsParams) -> None:
-    """The bar of clips, with 16 times what the inputs' own rounding does allowed for."""
+def _compared(
+    backend: OpenCLBackend, source: GBuffer, lights: Sequence[Light], p: SpotLightsParams
+) -> tuple[np.ndarray, np.ndarray]:
+    """Reference and result, which must be finite and no negative light."""
     truth, found = reference(source, lights, p), on(backend, source, lights, p)
+    assert np.isfinite(truth).all()
     assert np.isfinite(found).all()
     assert (found >= 0).all()
-    beyond = np.maximum(np.abs(found - truth) - 16 * inherent_error(source, lights, p), 0)
-    largest, p9999 = error(truth + beyond, truth)
+    return truth, found
+
+
+def check(backend: OpenCLBackend, source: GBuffer, lights: Sequence[Light], p: SpotLightsParams) -> None:
+    """The bar of clips: 99.99 % of the values and all of them."""
+    truth, found = _compared(backend, source, lights, p)
+    largest, p9999 = error(found, truth)
     assert largest <= BAR_MAX, f"{largest:.2e}"
     assert p9999 <= BAR_P9999, f"{p9999:.2e}"
 
 
 def check_hard(backend: OpenCLBackend, source: GBuffer, lights: Sequence[Light], p: SpotLightsParams) -> None:
     """On hard inputs: 1e-5 everywhere, or 16 x 2^-24 x the condition number that float64 shows, if more."""
-    truth, found = reference(source, lights, p), on(backend, source, lights, p)
-    assert np.isfinite(truth).all()
-    assert np.isfinite(found).all()
-    assert (found >= 0).all()
+    truth, found = _compared(backend, source, lights, p)
     size = np.abs(truth)
-    scale = np.maximum(size, max(1e-3 * float(np.percentile(size, 99)), 1e-30))
-    excess = np.abs(found - truth) - np.maximum(1e-5 * scale, 16 * inherent_error(source, lights, p))
-    assert (excess <= 0).all(), f"worst {(np.abs(found - truth) / scale).max():.2e}, {(excess > 0).sum()} values beyond"
+    off = np.abs(found - truth) / np.maximum(size, max(1e-3 * float(np.percentile(size, 99)), 1e-30))
+    beyond = off > 1e-5
+    if beyond.any():
+        # The printed form jumps where n.l = 0, by a height that itself varies around there.
+        slack = 1.1 if p.convention == "paper" else 1.0
+        beyond &= np.abs(found - truth) > slack * inherent_error(source, lights, p)
+    assert not beyond.any(), f"{beyond.sum()} values are off by up to {off[beyond].max():.2e}"
 
 
 @pytest.mark.parametrize("convention", ["physical", "paper"])
 @pytest.mark.parametrize("lights", [[], street_lamps(), all_kinds()], ids=["none", "lamps", "kinds"])
 def test_kernel_matches_reference(opencl_backend: OpenCLBackend, lights: list[Light], convention: str) -> None:
-    check(opencl_backend, frame(), lights, params(convention=convention))
+    check_hard(opencl_backend, frame(), lights, params(convention=convention))
+
+
+def test_kernel_is_within_the_bar_on_the_street(opencl_backend: OpenCLBackend) -> None:
+    seen = street.frame(28, width=320, height=176)
+    heads = seen.camera.to_camera(street.lamps())
+    lamps = [spot(tuple(p), direction=(0, 1, 0)) for p in heads[heads[:, 2] > 0].tolist()]
+    source = GBuffer({name: seen[name] for name in PASSES["spot_lights"].reads}, camera=seen.camera, time=0.0)
+    check(opencl_backend, source, lamps + headlights(HeadlightParams(), white_cd_m2=12), params())
 
 
 @pytest.mark.parametrize(

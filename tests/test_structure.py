@@ -9,7 +9,9 @@ import inspect
 import re
 import subprocess
 import sys
+import typing
 from pathlib import Path
+from typing import Literal
 
 import pytest
 
@@ -70,10 +72,11 @@ def test_headers_mirror_references() -> None:
 
 @pytest.mark.parametrize("group", GROUPS)
 def test_every_parameter_says_what_it_is(group: str) -> None:
+    kinds = typing.get_type_hints(GROUPS[group])
     for field in dataclasses.fields(GROUPS[group]):
         about = field.metadata
         assert about["meaning"], field.name
-        is_number = field.type not in ("str", "bool") and "Literal" not in str(field.type)
+        is_number = kinds[field.name] not in (str, bool) and typing.get_origin(kinds[field.name]) is not Literal
         assert bool(about["unit"]) == is_number, f"{field.name}: a number has a unit, and nothing else has"
         assert about["low"] <= about["high"], field.name
 

@@ -106,7 +106,8 @@ def test_an_oncoming_car() -> None:
     # It comes towards a camera that looks along -z, so that its left is at larger x.
     np.testing.assert_allclose(head.position, (-2 + 0.75 * 0.9, 0.65, z + 2.2), atol=1e-9)
     np.testing.assert_allclose(tail.position, (-2 - 0.75 * 0.9, 0.7, z - 2.2), atol=1e-9)
-    np.testing.assert_allclose(head.direction, (0, -np.sin(np.deg2rad(1)), np.cos(np.deg2rad(1))), atol=1e-9)
+    dip = np.deg2rad(PARAMS.head_dip_deg)
+    np.testing.assert_allclose(head.direction, (0, -np.sin(dip), np.cos(dip)), atol=1e-9)
     np.testing.assert_allclose(tail.direction, (0, 0, -1), atol=1e-9)
     assert np.dot(head.intensity, LUMINANCE) == pytest.approx(2000)
     assert np.dot(tail.intensity, LUMINANCE) == pytest.approx(2)

@@ -1,7 +1,7 @@
 """Lat-long maps of the directions of the world.
 
-Row 0 looks up (+y), the last row down. The middle column looks north, which is world -z, and columns go clockwise as seen
-from above, so that the map is what an eye inside it sees: azimuth = 360 (column + 0.5) / width - 180 degrees.
+Row 0 looks up (+y), the last row down. The middle column looks north, which is world -z, and columns go clockwise as
+seen from above, so that the map is what an eye inside it sees: azimuth = 360 (column + 0.5) / width - 180 degrees.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ def solid_angles(height: int, width: int) -> Array:
 def level_irradiance(radiance: Array) -> Array:
     """Irradiance of the upper half of a map on a level surface, (H, W, 3) to (3,)."""
     height, width = radiance.shape[:2]
-    edges = np.cos(np.linspace(0, np.pi, height + 1))
-    weight = np.maximum((edges[:-1] ** 2 - edges[1:] ** 2) / 2, 0.0)  # int cos sin over the row, exactly
+    edges = np.maximum(np.cos(np.linspace(0, np.pi, height + 1)), 0.0)
+    weight = (edges[:-1] ** 2 - edges[1:] ** 2) / 2  # int cos sin over the row, exactly
     return np.einsum("h,hwc->c", weight, radiance) * (2 * np.pi / width)
 
 
@@ -56,9 +56,9 @@ def sample(radiance: Array, direction: Array) -> Array:
 
 
 def shrink(radiance: Array, height: int, width: int) -> Array:
-    """Mean over blocks, weighted by solid angle, to (height, width, 3); maps that are no multiple are sampled finer first.
+    """Mean over blocks, weighted by solid angle, to (height, width, 3).
 
-    The irradiance of a surface that faces the middle of a block changes by the block's size squared.
+    A map whose size is no multiple is brought to one, by sampling it finer.
     """
     H, W = radiance.shape[:2]
     if H % height or W % width:

@@ -118,7 +118,7 @@ def arrays(environment: Environment, camera: Camera, white_cd_m2: float) -> Envi
 @lru_cache(maxsize=2)  # the frames of a clip share them
 def _scaled_tables(environment: Environment, white_cd_m2: float) -> dict[str, NDArray[np.float32]]:
     tables = {name: _texels(table / white_cd_m2) for name, table in environment.tables.items()}
-    tables["env_brdf"] = np.concatenate([_texels(part) for part in np.split(lobe_table(), 2, axis=-1)], axis=-1)
+    tables["env_brdf"] = lobe_table()
     return {name: table.astype(np.float32) for name, table in tables.items()}
 
 

@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 ROWS, COLUMNS = 128, 256  # of the map that is summed over
 LEVELS = 8  # of roughness: 0, 1/7, ..., 1
-SIZE = 64  # texels of a table's side
+SIZE = 65  # texels of a table's side: odd, so that the directions of the axes lie on texels
 SPLIT = 32  # side of the table of lobes
 NODES = 96  # of its quadrature, squared
 
@@ -33,8 +33,8 @@ def _angles_between() -> Array:
 def _convolve(radiance: Array, kernel: Array, *, mean: bool) -> Array:
     """Sum over the sphere of a map times a kernel of the angle; both sides of the product on the same grid.
 
-    Along the columns it is a convolution, a product of their Fourier transforms: exact, and as fast as one matrix product
-    a frequency. With `mean` the kernel's own sum, at each target, is divided out.
+    Along the columns it is a convolution, a product of their Fourier transforms: exact, and as fast as one matrix
+    product a frequency. With `mean` the kernel's own sum, at each target, is divided out.
     """
     weight = kernel * solid_angles(ROWS, COLUMNS)[None]
     if mean:
@@ -70,8 +70,8 @@ def irradiance_table(radiance: Array, size: int = SIZE) -> Array:
 def specular_table(radiance: Array, size: int = SIZE) -> Array:
     """Mean radiance that a surface of every roughness sees around every direction, (LEVELS, N, N, 3).
 
-    The weight of light at an angle a to the mirror direction is D(a / 2) cos(a), with GGX' D: the eye, the normal and the
-    mirror direction are taken for the same, as the split sum has it (Karis 2013).
+    The lobe is that of light reflected towards the normal, where eye, normal and mirror direction are the same (Karis
+    2013); the weight of light at an angle a to it is D(a / 2) times `_shadowing`.
     """
     small = shrink(radiance, ROWS, COLUMNS)
     cosine = _angles_between()
@@ -79,9 +79,14 @@ def specular_table(radiance: Array, size: int = SIZE) -> Array:
     levels = [np.maximum(sample(radiance if len(radiance) < ROWS else small, octahedral_grid(size)), 0.0)]
     for level in range(1, LEVELS):
         a2 = (level / (LEVELS - 1)) ** 4
-        lobe = np.maximum(cosine, 0.0) / (1 - NoH2 + NoH2 * a2) ** 2
+        lobe = _shadowing(np.maximum(cosine, 0.0), a2) / (1 - NoH2 + NoH2 * a2) ** 2
         levels.append(_to_octahedral(_convolve(small, lobe, mean=True), size))
     return np.stack(levels)
+
+
+def _shadowing(NoL: Array, a2: float | Array) -> Array:
+    """4 V NoL of the height-correlated visibility V at NoV = 1, Heitz 2014; a2 is alpha squared."""
+    return 2 * NoL / (NoL + np.sqrt(NoL**2 * (1 - a2) + a2))
 
 
 def _lobe_lengths() -> tuple[Array, Array]:
@@ -92,12 +97,13 @@ def _lobe_lengths() -> tuple[Array, Array]:
     # tan^2 of half the angle as a2 s / (1 - s): D sin(a) da is flat in s, so that lobes of every width resolve alike
     tan2 = a2 * ((x + 1) / 2 / (1 - (x + 1) / 2))
     cosine = np.maximum((1 - tan2) / (1 + tan2), 0.0)
-    return roughness, (w * cosine**2).sum(axis=1) / (w * cosine).sum(axis=1)
+    weight = w * _shadowing(cosine, a2)
+    return roughness, (weight * cosine).sum(axis=1) / weight.sum(axis=1)
 
 
 @cache
 def lobe_table(size: int = SPLIT) -> Array:
-    """Shares and lobes of the two parts of the Fresnel term, (M, M, 6); see `reference_numpy.environment.lobes`.
+    """Shares and lobes of the two parts of the Fresnel term, (M, M, 8); see `reference_numpy.environment.lobes`.
 
     int V 4 VoH / NoH NoL F over half vectors drawn by D NoH (Karis 2013), with Gauss-Legendre nodes in place of random
     draws; F is 1 - (1 - VoH)^5 and (1 - VoH)^5. A lobe is told by its mean vector: the direction, and the length, which
@@ -108,7 +114,7 @@ def lobe_table(size: int = SPLIT) -> Array:
     share, turn = ((x + 1) / 2)[:, None], (x + 1) / 2 * np.pi
     weight = np.outer(w, w) / 4
     widths, lengths = _lobe_lengths()
-    out = np.empty((size, size, 6))
+    out = np.zeros((size, size, 8))
     for i, alpha in enumerate(alpha_of(np.linspace(0, 1, size))):
         NoH = np.sqrt((1 - share) / (1 + (alpha**2 - 1) * share))
         h_x = np.sqrt(1 - NoH**2) * np.cos(turn)
@@ -126,5 +132,5 @@ def lobe_table(size: int = SPLIT) -> Array:
                 away = sine - tan * cosine
                 rough = np.interp(-np.hypot(mean_n, mean_t), -lengths, widths)
                 # A lobe that is all but dark at the mirror direction may point anywhere; it carries next to nothing.
-                out[i, j, 3 * part : 3 * part + 3] = total, np.clip(away / (away + tan), -0.5, 1.5), rough
+                out[i, j, 4 * part : 4 * part + 3] = total, np.clip(away / (away + tan), -0.5, 1.5), rough
     return out

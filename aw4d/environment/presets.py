@@ -45,8 +45,8 @@ PRESETS: dict[str, Preset] = {
     "midnight": Preset(sky="city night", sky_lux=0.5),
 }
 
-# Clear sky on a level surface by the sun's altitude [deg, lux]. Below the horizon: Bond and Henderson 1963; from 5 degrees
-# on 800 + 15,500 sqrt(sin) (Gillette and Pierpoint 1982); between, a line through the logarithms.
+# Clear sky on a level surface by the sun's altitude [deg, lux]. Below the horizon: after Bond and Henderson 1963; from
+# 5 degrees on 800 + 15,500 sqrt(sin) (Gillette and Pierpoint 1982); between, lines through the logarithms.
 _TWILIGHT = ((-18.0, 6.5e-4), (-12.0, 8.3e-3), (-6.0, 3.4), (-5.0, 8.0), (-0.8, 453.0), (0.0, 700.0), (5.0, 5_376.0))
 _SUN_ABOVE_AIR = 127_500.0  # [lux], same source, with an optical depth of 0.21
 

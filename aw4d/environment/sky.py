@@ -1,4 +1,4 @@
-"""Radiance of skies by direction, of luminance 1 on any scale: clear, twilight, overcast, city night.
+"""Radiance of skies by direction, on any scale: clear, twilight, overcast, city night.
 
 All are functions of unit directions in the world (..., 3) and give linear Rec. 709 (..., 3). Below the horizon they
 show what is at the horizon; the ground is the caller's.
@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 LOWEST_DEG = 4.0  # altitude of the sun below which the daylight model is not used: it turns green and then negative
 DUSK_DEG = (0.0, 5.0)  # altitudes of the sun between which twilight goes over into daylight
 
-# Perez' coefficients A to E as slope and offset in turbidity, for Y, x, y. Preetham, Shirley and Smits 1999, appendix 2.
+# Perez' coefficients A to E as slope and offset in turbidity, for Y, x, y. Preetham, Shirley, Smits 1999, appendix 2.
 _PEREZ = np.array(
     [
         [[0.1787, -1.4630], [-0.3554, 0.4275], [-0.0227, 5.3251], [0.1206, -2.5771], [-0.0670, 0.3703]],
@@ -79,7 +79,7 @@ def twilight(d: Array, altitude_deg: float, azimuth_deg: float) -> Array:
     height = np.degrees(np.arcsin(np.clip(d[..., 1], 0, 1)))
     level = np.maximum(np.hypot(d[..., 0], d[..., 2]), 1e-9)
     facing = np.clip((d @ towards(0, azimuth_deg)) / level, -1, 1)  # 1 over the sun, -1 opposite
-    deep = _smoothstep(0.0, -6.0, altitude_deg) if altitude_deg > -6 else 1.0
+    deep = _smoothstep(0.0, 6.0, -altitude_deg)
     vault = color_of_temperature(14_000 + 30_000 * deep)
     glow = color_of(sunlight(1.5, 2.5))
     pink = 0.55 * color_of(sunlight(4.0, 2.0)) + 0.45 * color_of_temperature(20_000)
@@ -94,17 +94,19 @@ def twilight(d: Array, altitude_deg: float, azimuth_deg: float) -> Array:
 
 
 def clear(d: Array, altitude_deg: float, azimuth_deg: float, turbidity: float) -> Array:
-    """Clear sky at any altitude of the sun; the mean luminance over the upper half is about 1."""
+    """Clear sky at any altitude of the sun."""
     day = _smoothstep(*DUSK_DEG, altitude_deg)
     out = np.zeros(d.shape)
-    for share, sky in (
-        (day, lambda: daylight(d, altitude_deg, azimuth_deg, turbidity)),
-        (1 - day, lambda: twilight(d, altitude_deg, azimuth_deg)),
-    ):
-        if share > 0:
-            found = sky()
-            out += share * found / np.mean(found[d[..., 1] > 0][:, 1])
+    if day > 0:
+        out += day * _even(daylight(d, altitude_deg, azimuth_deg, turbidity), d)
+    if day < 1:
+        out += (1 - day) * _even(twilight(d, altitude_deg, azimuth_deg), d)
     return out
+
+
+def _even(radiance: Array, d: Array) -> Array:
+    """Scaled to a mean of 1, in green, above the horizon, so that skies can be mixed."""
+    return radiance / float(np.mean(radiance[d[..., 1] > 0][:, 1]))
 
 
 def overcast(d: Array) -> Array:

@@ -17,7 +17,7 @@ SUN_K = 5778.0  # temperature of the black body that the sun is taken for
 
 
 def _lobe(middle: float, left: float, right: float) -> Array:
-    sigma = np.where(WAVELENGTHS < middle, left, right)
+    sigma = np.where(middle > WAVELENGTHS, left, right)
     return np.exp(-0.5 * ((WAVELENGTHS - middle) / sigma) ** 2)
 
 

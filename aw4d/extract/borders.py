@@ -1,8 +1,8 @@
 """Outlines of vehicles in mask and depth, put where the picture has them.
 
-A mask drawn from a box is that of a generic car, and a laser strikes between pixels, from elsewhere than the camera: both
-lie some pixels off the car's outline, and a wall that gets the car's depth shines as a rim in light that comes from near.
-Every pixel near the outline is given to the car or to what is beside it, whichever it is alike in colour some pixels away.
+A mask drawn from a box is that of a generic car, and a laser strikes between pixels, from elsewhere than the camera:
+both lie some pixels off the car's outline, and a wall at the car's depth is a bright rim in light that comes from near.
+Every pixel near the outline goes to the car or to what is beside it, whichever it is alike in colour some pixels away.
 """
 
 from __future__ import annotations
@@ -39,7 +39,9 @@ class _Beside:
     both: Mask  # both sides were found
 
 
-def _beside(pixel: tuple[Index, Index], inside: Mask, outside: Mask, *, q: Single, ground: Single, guide: Single, reach: float) -> _Beside:
+def _beside(
+    pixel: tuple[Index, Index], inside: Mask, outside: Mask, *, q: Single, ground: Single, guide: Single, reach: float
+) -> _Beside:
     """Mean over pixels some way off, in eight directions; other depths count by how much their colour is alike."""
     height, width = q.shape
     count, like, depth = (np.zeros((2, len(pixel[0])), dtype=np.float32) for _ in range(3))
@@ -58,7 +60,9 @@ def _beside(pixel: tuple[Index, Index], inside: Mask, outside: Mask, *, q: Singl
                 depth[side] += share * (alike + 1e-3) * there
     mean = depth / np.maximum(like + 1e-3 * count, 1e-9)
     chance = like / np.maximum(count, 1) + LIKELIHOOD_MIN
-    return _Beside(odds=np.log(chance[0] / chance[1]), vehicle=mean[0], other=mean[1], both=(count > 0).all(axis=0))
+    return _Beside(
+        odds=np.log(chance[0] / chance[1]), vehicle=mean[0], other=mean[1], both=np.asarray((count > 0).all(axis=0))
+    )
 
 
 def _settle(q: Single, vehicle: Ids, instance: int, *, ground: Single, guide: Single, sky: Mask, reach: float) -> None:
@@ -66,7 +70,8 @@ def _settle(q: Single, vehicle: Ids, instance: int, *, ground: Single, guide: Si
     mask = vehicle == instance
     distance = np.where(mask, distance_transform_edt(mask), -distance_transform_edt(~mask)).astype(np.float32)
     band = (np.abs(distance) <= reach) & ~sky & (mask | (vehicle == 0))
-    pixel = np.nonzero(band)
+    rows, columns = np.nonzero(band)
+    pixel = rows, columns
     inside, outside = distance > reach, (distance < -reach) & ~sky
     beside = _beside(pixel, inside, outside, q=q, ground=ground, guide=guide, reach=reach)
     odds = np.where(mask, BELIEF, -BELIEF).astype(np.float32)
@@ -108,14 +113,24 @@ def settle_outlines(
     """
     lab = cv2.cvtColor(rgb.astype(np.float32) / np.float32(255), cv2.COLOR_RGB2LAB)
     guide = np.asarray(cv2.GaussianBlur(lab, (0, 0), 0.6), dtype=np.float32)
+    level = ground.astype(np.float32)
     q, ids = (1 / depth).astype(np.float32), vehicle.copy()
     for instance in np.unique(vehicle[vehicle > 0]):
         rows, columns = np.nonzero(vehicle == instance)
         reach = float(np.clip(SHARE * np.ptp(rows), 1.0, REACH * focal / FOCAL))
         margin = round(3 * reach) + 1
         window = np.s_[
-            max(rows.min() - margin, 0) : rows.max() + margin + 1, max(columns.min() - margin, 0) : columns.max() + margin + 1
+            max(rows.min() - margin, 0) : rows.max() + margin + 1,
+            max(columns.min() - margin, 0) : columns.max() + margin + 1,
         ]
-        part = {"ground": ground[window].astype(np.float32), "guide": guide[window], "sky": sky[window]}
-        _settle(q[window], ids[window], int(instance), reach=reach, **part)
-    return np.where(q == (1 / depth).astype(np.float32), depth, 1 / q).astype(np.float32), ids
+        _settle(
+            q[window],
+            ids[window],
+            int(instance),
+            ground=level[window],
+            guide=guide[window],
+            sky=sky[window],
+            reach=reach,
+        )
+    moved = np.abs(q * depth - 1) > 1e-5
+    return np.where(moved, 1 / q, depth).astype(np.float32), ids

@@ -10,13 +10,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, minimum_filter1d
+from scipy.ndimage import distance_transform_edt, uniform_filter1d
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from aw4d.camera import Camera
 from aw4d.errors import InputError
 from aw4d.extract.smoothing import guide_weights, spread
-from aw4d.extract.visibility import visible_uvz
+from aw4d.extract.visibility import above_scan, visible_uvz
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -40,7 +40,9 @@ ARRIVED_MIN = 1e-4  # share of a return that must reach a pixel to decide there
 DRIFT = (0.25, 0.5, 0.25)  # shares of the pixels under one, from the left to the right, in what is carried up to it
 SURFACE_EDGE = 8.0  # [CIE Lab] a step in the image that tells surfaces apart where there is no scan
 RIM = 5  # rows at the end of the scan that are carried on
-RIM_WIDTH = 8  # [px] to either side in which returns tell how high the scan reaches
+LEVEL = 0.3  # share of the eye's height by which ground may lie off the plane where the scan ends
+LEVEL_WIDTH = 15  # [px] over which the end of the scan on the ground is evened
+OUT_OF_REACH_M = 100.0  # what a beam finds no end to is farther
 
 
 class _Scan:
@@ -214,18 +216,6 @@ def _carry_up(inverse: Array, below: Mask, guide: NDArray[np.float32], sky: Mask
     return values, reached
 
 
-def _under_the_rim(seen: Array, camera: Camera) -> Mask:
-    """Pixels no higher than the returns around their column, but for RIM rows.
-
-    The mesh closes the scan's upper rim with long triangles from one near trunk to the next, over whatever is between.
-    """
-    u = np.clip(np.rint(seen[:, 0]), 0, camera.width - 1).astype(np.intp)
-    highest = np.full(camera.width, np.inf)
-    np.minimum.at(highest, u, seen[:, 1])
-    highest = minimum_filter1d(highest, 2 * RIM_WIDTH + 1, mode="nearest")
-    return np.arange(camera.height)[:, None] >= highest - RIM
-
-
 def _rim(known: Mask, rows: slice) -> Mask:
     """Known pixels within RIM of the end of their column's known part, looking along `rows`."""
     return known & (np.cumsum(known[rows], axis=0)[rows] <= RIM)
@@ -253,6 +243,24 @@ def _above(inverse: Array, known: Mask, highest: NDArray[np.intp], guide: NDArra
     return above
 
 
+def _ground_beyond(
+    inverse: Array, known: Mask, highest: NDArray[np.intp], ground: Array
+) -> tuple[Array, Mask, NDArray[np.intp]]:
+    """Continue the ground where the scan ends on it: the beams over its end struck nothing, so nothing stands near.
+
+    Values (H, W) [1/m], where they are known, and the highest row (W,) of each column that is.
+    """
+    columns = np.arange(known.shape[1])
+    top = np.minimum(highest, known.shape[0] - 1), columns
+    ratio = np.divide(inverse[top], ground[top], out=np.zeros(len(columns)), where=ground[top] > 0)
+    ends = (np.abs(1 - 1 / np.maximum(ratio, 1e-3)) < LEVEL) & (highest < known.shape[0])
+    count = np.maximum(uniform_filter1d(ends.astype(np.float64), LEVEL_WIDTH), 1e-9)
+    ends &= count > 0.5  # a lone column is no road
+    carried = uniform_filter1d(np.where(ends, ratio, 0.0), LEVEL_WIDTH) / count * ground
+    fresh = ends & (np.arange(known.shape[0])[:, None] < highest) & (carried > 1 / OUT_OF_REACH_M)
+    return np.where(fresh, carried, inverse), known | fresh, highest - fresh.sum(axis=0)
+
+
 def _extend(inverse: Array, known: Mask, ground: Array, *, rgb: NDArray[np.uint8], sky: Mask) -> Array:
     """Continue surfaces where the scan has none: upwards at their depth, downwards with the slope of the ground.
 
@@ -261,15 +269,16 @@ def _extend(inverse: Array, known: Mask, ground: Array, *, rgb: NDArray[np.uint8
     guide = _guide(rgb, 1.0)
     across, down = _affinity(guide, sky, SURFACE_EDGE)
     bottom = _rim(known, np.s_[::-1])
-    below, reached = spread(inverse - ground, bottom.astype(np.float64), across=300 * across, down=300 * down)
-    below += np.where(reached > 0, ground, 0)
+    below, arrived = spread(inverse - ground, bottom.astype(np.float64), across=300 * across, down=300 * down)
+    below += np.where(arrived > 0, ground, 0)
     between, _ = spread(inverse, _far_first(inverse, known), across=100 * across, down=30 * down)
     rows, columns = np.arange(known.shape[0])[:, None], np.arange(known.shape[1])
-    struck = np.flatnonzero(known.any(axis=0))
-    nearest = struck[np.abs(struck[:, None] - columns).argmin(axis=0)] if struck.size else columns
+    reached = np.flatnonzero(known.any(axis=0))
+    nearest = reached[np.abs(reached[:, None] - columns).argmin(axis=0)] if reached.size else columns
     lowest = np.where(known, rows, -1).max(axis=0)[nearest]
     highest = np.where(known, rows, known.shape[0]).min(axis=0)[nearest]
     inside = np.where(known, inverse, np.where(rows > lowest, below, between))
+    inside, known, highest = _ground_beyond(inside, known, highest, ground)
     above = _above(inside, known, highest, guide, sky)
     return np.where(rows < highest, above, inside)
 
@@ -324,7 +333,8 @@ def complete_depth(
         raise InputError(f"points: expected at least {RETURNS_MIN} returns that the camera sees, got {len(seen)}")
     scan = _Scan(seen, camera)
     inverse, known, jump = _interpolate(scan)
-    known &= _under_the_rim(seen, camera)
+    # The mesh closes the scan's upper rim with long triangles from one near trunk to the next, over what is between.
+    known &= ~above_scan(seen[:, :2], camera, margin=RIM)
     inverse, known = _resolve_jumps(inverse, known & ~sky, jump & ~sky, scan, rgb=rgb, sky=sky)
     inverse = _honour_returns(inverse, scan)
     inverse = _extend(inverse, known, np.maximum(scan.ground, 0), rgb=rgb, sky=sky)

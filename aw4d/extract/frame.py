@@ -15,14 +15,19 @@ from aw4d.errors import InputError
 from aw4d.extract.borders import settle_outlines
 from aw4d.extract.completion import complete_depth
 from aw4d.extract.emissive import emissive
+from aw4d.extract.fringes import without_fringes
 from aw4d.extract.materials import materials
 from aw4d.extract.monocular import monocular_depth
 from aw4d.extract.normals import normals_from_depth
+from aw4d.extract.pixels import pixels_of
 from aw4d.extract.road import lane_ground, road_mask
 from aw4d.extract.sky import sky_mask
 from aw4d.extract.solid import solid_depth
 from aw4d.extract.vehicles import vehicle_ids
+from aw4d.extract.visibility import above_scan
 from aw4d.gbuffer import Plane
+
+ON_GROUND = 1.5  # depth of the ground behind a pixel over its own, from which on it is above the ground
 
 # How a plane comes about where the recording does not give it.
 PROVENANCE: dict[str, str] = {
@@ -70,15 +75,34 @@ def _ground(planes: Mapping[str, Plane], *, camera: Camera, points: NDArray[np.f
     return lane_ground(surface)
 
 
+def _level(ground: GroundPlane | None, camera: Camera) -> NDArray[np.float64]:
+    """Inverse depth of the ground plane [1/m]; 0 where there is none."""
+    if ground is None:
+        return np.zeros(camera.shape)
+    return np.asarray(np.maximum(camera.rays() @ -ground.normal / ground.offset, 0), dtype=np.float64)
+
+
+def _beyond_scan(points: NDArray[np.float32], camera: Camera) -> NDArray[np.bool_]:
+    row, column, _ = pixels_of(points, camera)
+    return above_scan(np.column_stack([column, row]).astype(np.float64), camera)
+
+
 def _settled(
-    rgb: NDArray[np.uint8], planes: Mapping[str, Plane], *, camera: Camera, ground: GroundPlane | None
+    rgb: NDArray[np.uint8], planes: Mapping[str, Plane], *, camera: Camera, level: NDArray[np.float64]
 ) -> dict[str, Plane]:
     """Depth and vehicles that agree with the picture on the vehicles' outlines."""
-    level = np.zeros(camera.shape) if ground is None else np.maximum(camera.rays() @ -ground.normal / ground.offset, 0)
     depth, vehicle = settle_outlines(
         planes["depth"], planes["vehicle"], rgb=rgb, ground=level, sky=planes["sky"], focal=float(camera.K[0, 0])
     )
     return {"depth": solid_depth(depth, vehicle), "vehicle": vehicle}
+
+
+def _materials(planes: Mapping[str, Plane], beyond: NDArray[np.bool_]) -> dict[str, NDArray[np.float32]]:
+    """Materials without fringes; `beyond` the scan no beam tells leaves from sky."""
+    rgb, depth, sky = planes["rgb"], planes["depth"], planes["sky"]
+    found = materials(rgb, sky=sky, **{name: planes[name] for name in ("road", "vehicle", "normal")})
+    found["albedo"] = without_fringes(found["albedo"], rgb_linear=rgb, depth=depth, sky=sky, guessed=beyond)
+    return found
 
 
 def extract_frame(
@@ -119,15 +143,18 @@ def extract_frame(
     sky = planes["sky"]
     if "depth" not in planes:
         planes["depth"] = _depth(rgb, camera=camera, points=xyz, sky=sky, camera_height_m=camera_height_m)
+    ground = _ground(planes, camera=camera, points=xyz)
+    level = _level(ground, camera)
     if "vehicle" not in planes:
-        ground = _ground(planes, camera=camera, points=xyz)
         planes["vehicle"] = vehicle_ids(
             depth=planes["depth"], camera=camera, boxes=boxes, points=xyz, ground=ground, sky=sky, rgb=rgb
         )
         if "depth" not in given:
-            planes |= _settled(rgb, planes, camera=camera, ground=ground)
+            planes |= _settled(rgb, planes, camera=camera, level=level)
+    beyond = ~sky if xyz is None else _beyond_scan(xyz, camera)
     if "normal" not in planes:
-        planes["normal"] = normals_from_depth(planes["depth"], camera=camera, sky=sky)
+        guessed = None if xyz is None or "depth" in given else beyond & (planes["depth"] * level < 1 / ON_GROUND)
+        planes["normal"] = normals_from_depth(planes["depth"], camera=camera, sky=sky, guessed=guessed)
     if "road" not in planes:
         road = road_mask(
             rgb,
@@ -140,8 +167,7 @@ def extract_frame(
         )
         planes["road"] = road & (planes["vehicle"] == 0)
     if not {"albedo", "roughness", "metallic"} <= planes.keys():
-        regions = {name: planes[name] for name in ("sky", "road", "vehicle", "normal")}
-        planes = {**materials(planes["rgb"], **regions), **planes}
+        planes = {**_materials(planes, beyond), **planes}
     if "emissive" not in planes:
         regions = {name: planes[name] for name in ("sky", "road", "vehicle", "depth")}
         planes["emissive"] = emissive(planes["rgb"], camera=camera, **regions)

@@ -17,6 +17,7 @@ from aw4d.extract.planes import affinity, local_planes
 from aw4d.extract.smoothing import smooth
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 COARSE = 6.0  # [px] reach of the first average, from which creases are found
 REACH = 0.4  # [m] reach of the second average on a surface that faces the eye
@@ -26,6 +27,8 @@ GROUND_CREASE = 0.02  # [rad] the same between surfaces that face up: the ground
 UPWARD = 0.7  # cosine to the vertical of a surface that faces up
 GRAZING = 0.3  # cosine to the view; what is steeper and not ground is rather the ramp between two surfaces
 FACING = 1e-3  # weight of a normal that faces the camera, for where there is no other
+# Where depth is guessed, a crown is the likeliest surface: its outside faces the eye and up (tangent of the tilt).
+GUESS, TILT = 0.02, 0.6
 
 
 def _turn(normal: Array, axis: int) -> Array:
@@ -60,7 +63,15 @@ def _believe(plane: Array, inverse: Array, rays: Array) -> Array:
     return np.asarray(np.where(upward > UPWARD, level, np.minimum(facing / GRAZING, 1) ** 4))
 
 
-def normals_from_depth(depth: NDArray[np.float32], *, camera: Camera, sky: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _both(mask: Mask, axis: int) -> Mask:
+    """Neighbours along `axis` that are both in the mask."""
+    m = np.moveaxis(mask, axis, 0)
+    return np.asarray(np.moveaxis(m[1:] & m[:-1], 0, axis))
+
+
+def normals_from_depth(
+    depth: NDArray[np.float32], *, camera: Camera, sky: Mask, guessed: Mask | None = None
+) -> NDArray[np.float32]:
     """Unit normals of the surfaces in a depth map.
 
     Two passes: a short average of the local planes shows where the normal turns; a long one, in metres on the
@@ -74,6 +85,9 @@ def normals_from_depth(depth: NDArray[np.float32], *, camera: Camera, sky: NDArr
         The frame's camera.
     sky
         (H, W), pixels without a surface; their normal faces the camera.
+    guessed
+        (H, W), where the depth is no measure of the surface's shape: normals go on from beside, and fade to those of a
+        crown of leaves, which face the camera and up. None: nowhere.
 
     Returns
     -------
@@ -96,6 +110,11 @@ def normals_from_depth(depth: NDArray[np.float32], *, camera: Camera, sky: NDArr
     trust *= _believe(plane, inverse, rays) * ~sky
     evidence = plane * (trust / np.linalg.norm(plane, axis=-1))[..., None]
     evidence[..., 2] += FACING
+    if guessed is not None:
+        # A step in a depth that is guessed, such as between two columns that go on upwards, is no border.
+        guessed = guessed & ~sky
+        evidence[guessed] = GUESS * np.array([0.0, TILT, 1.0])
+        across[_both(guessed, 1)], down[_both(guessed, 0)] = 1, 1
 
     coarse = _unit(smooth(evidence, across=COARSE**2 * across, down=COARSE**2 * down), rays)
     reach2 = np.clip(REACH * camera.K[0, 0] * inverse, *REACH_LIMITS) ** 2

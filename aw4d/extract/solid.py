@@ -1,7 +1,7 @@
 """Vehicles are solid and smooth: no depth from behind them where the laser went through glass or found no answer.
 
-Black paint and glass answer to few beams, some of them at what they mirror. The surface is a membrane through the returns
-that agree with it: a robust, smooth inverse depth over the vehicle's own pixels.
+Black paint and glass answer to few beams, some of them at what they mirror. The surface is a membrane through the
+returns that agree with it: a robust, smooth inverse depth over the vehicle's own pixels.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ def _membrane(inverse: Array, mask: Mask, surface: Mask) -> Array:
     across, down = reach2 * (mask[:, 1:] & mask[:, :-1]), reach2 * (mask[1:] & mask[:-1])
     confidence = surface.astype(np.float64)
     for step in range(ROUNDS):
-        fitted, arrived = spread(inverse, confidence, across=across, down=down)
+        fitted, _ = spread(inverse, confidence, across=across, down=down)
         tolerance = AGREE * 2.0 ** (ROUNDS - 1 - step)
         difference = np.where(fitted > 0, inverse / np.maximum(fitted, 1e-9) - 1, 0)
         confidence = np.where(surface, np.exp(-((difference / tolerance) ** 2)) + LEAST, 0.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 from scipy.spatial import cKDTree
 
 from aw4d.camera import Camera
@@ -16,6 +17,7 @@ HALF_WIDTH = 10.0  # [px] of the ellipse in which a nearer return hides a farthe
 HALF_HEIGHT = 5.0  # [px]
 NEARER_BY = 1.0  # [m]
 NEARER_RATIO = 1.15
+RIM_WIDTH = 8  # [px] to either side in which returns tell how high the scan reaches
 
 
 def _project(points: NDArray[np.float32], camera: Camera, margin: float) -> tuple[Array, Mask]:
@@ -91,3 +93,12 @@ def visible_returns(points: NDArray[np.float32], *, camera: Camera) -> Mask:
     uvz, visible = _project(points, camera, margin=0.0)
     visible[visible] = _seen(uvz[visible])
     return visible
+
+
+def above_scan(pixels: Array, camera: Camera, *, margin: int = 0) -> Mask:
+    """Pixels more than `margin` rows above all returns, (N, 2) pixel coordinates, around their column, (H, W)."""
+    column = np.clip(np.rint(pixels[:, 0]), 0, camera.width - 1).astype(np.intp)
+    highest = np.full(camera.width, np.inf)
+    np.minimum.at(highest, column, pixels[:, 1])
+    highest = minimum_filter1d(highest, 2 * RIM_WIDTH + 1, mode="nearest")
+    return np.asarray(np.arange(camera.height)[:, None] < highest - margin, dtype=np.bool_)

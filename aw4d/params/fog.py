@@ -32,7 +32,12 @@ class FogParams(Params):
         None, "1", "the strength of the final blend (physical: 0, paper: 0.5)", "paper, Fog blending", low=0, high=1
     )
     color: RGB | None = param(
-        None, "linear", "the fog's colour (default: the surroundings' mean radiance)", "paper, Fog blending", low=0, high=1e3
+        None,
+        "linear",
+        "the fog's colour (default: the surroundings' mean radiance)",
+        "paper, Fog blending",
+        low=0,
+        high=1e3,
     )
     nodes: int = param(8, "1", "the even number of quadrature nodes a light", "Gauss-Legendre", low=2, high=64)
     extent_m: float = param(2e4, "m", "the longest path through the fog, also to the sky", "", low=1, high=1e5)

@@ -101,11 +101,15 @@ class VehicleLightParams(Params):
     head_color: RGB = param(
         (1.0, 0.93, 0.82), "linear", "the colour of headlights", "warm white", low=0, high=1, host=True
     )
-    head_dip_deg: float = param(1.0, "deg", "the dip of their beam", "UN R48: 1 to 2 %", low=-10, high=20, host=True)
+    # A round cone has no cut-off. Narrow and dipped, it lights the road and leaves the eyes of who comes towards it in
+    # the dark, as a low beam does; the paper's 10 and 25 degrees dipped by 1 would blind them (docs/lights.md).
+    head_dip_deg: float = param(7.0, "deg", "the dip of their beam", "docs/lights.md", low=-10, high=20, host=True)
     head_inner_deg: float = param(
-        10.0, "deg", "their half angle of full brightness", "paper", low=0.1, high=89, host=True
+        4.0, "deg", "their half angle of full brightness", "docs/lights.md", low=0.1, high=89, host=True
     )
-    head_outer_deg: float = param(25.0, "deg", "their half angle of darkness", "paper", low=0.2, high=89.9, host=True)
+    head_outer_deg: float = param(
+        10.0, "deg", "their half angle of darkness", "docs/lights.md", low=0.2, high=89.9, host=True
+    )
     head_r_max_m: float = param(40.0, "m", "their reach", "paper: 30 to 50 m", low=1, high=1e4, host=True)
     head_cd_m2: float = param(
         20_000.0, "cd/m2", "the luminance of a headlight seen from beside its beam", "", low=0, high=1e7, host=True

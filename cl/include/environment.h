@@ -1,4 +1,4 @@
-/* environment.h - octahedral tables and their lookup, and the lobes of reflection. Mirrors reference_numpy/environment.py. */
+/* environment.h - octahedral tables, their lookup, lobes of reflection. Mirrors reference_numpy/environment.py. */
 #ifndef ENVIRONMENT_H
 #define ENVIRONMENT_H
 #include "gather.h"

@@ -78,7 +78,7 @@ static inline floatw ambient_occlusion(
                 const floatw towards_eye = -fma(deeper, stretch, step * along * z * inv_stretch);
                 const floatw weight = clamp(fma(-d2, inv_radius2, 1.0f), 0.0f, 1.0f);
                 const floatw cosine = towards_eye * rsqrt(fmax(d2, 1e-12f));
-                horizon = fmax(horizon, fma(weight, cosine - least, least));
+                horizon = fmax(horizon, fma(weight * weight, cosine - least, least));
             }
             seen = fma(length, arc(horizon, (float)side, sin_g, cos_g), seen);
         }

@@ -18,6 +18,7 @@ typedef uchar ucharw;
 #define as_floatw as_float
 #define as_intw as_int
 #define ANYW(c) (c)
+#define INTW(x) ((int)(x))
 #define MINW(x) (x)
 #define MAXW(x) (x)
 #else
@@ -30,6 +31,7 @@ typedef JOIN(uchar, W) ucharw;
 #define STOREW(x, p) JOIN(vstore, W)(x, 0, p)
 #define LOADMASKW(p) (JOIN(convert_int, W)(JOIN(vload, W)(0, p)) != 0)
 #define ANYW(c) JOIN(some, W)(c)
+#define INTW(x) JOIN(convert_int, W)(x)
 #define as_floatw JOIN(as_float, W)
 #define as_intw JOIN(as_int, W)
 #define MINW(x) JOIN(min, W)(x)

@@ -1,4 +1,4 @@
-"""Frame-to-frame change of an edited clip after ego-motion warp, beside the source's: `python -m tests.bench.flicker CLIP night`.
+"""Frame-to-frame change of an edited clip after ego-motion warp: `python -m tests.bench.flicker CLIP night`.
 
 A surface point that two successive frames show is looked up in both by depth and poses; what differs is noise of the
 depth, sampling, light that moves (headlights move with the camera), and flicker. Mean absolute difference of 8-bit sRGB
@@ -22,7 +22,7 @@ Image = NDArray[np.float32]
 
 
 def change(before: Image, now: Image, was: GBuffer, is_: GBuffer) -> tuple[float, float]:
-    """Mean absolute difference of two 8-bit images after warp, in codes, and the share of the pixels it is taken over."""
+    """Mean absolute difference of two 8-bit images after warp, in codes, and the share of pixels followed."""
     world = is_.camera.to_world(is_.camera.unproject(is_["depth"]))
     place = was.camera.to_camera(world)
     u, v, z = np.moveaxis(was.camera.project(place), -1, 0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_numpy.brdf import MIN_NOV, D_GGX, alpha_of, brdf
+from reference_numpy.brdf import D_GGX, MIN_NOV, alpha_of, brdf
 
 Array = NDArray[np.float64]
 
