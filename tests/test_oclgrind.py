@@ -45,6 +45,11 @@ def test_spot_lights(oclgrind: str, tmp_path: Path, convention: str) -> None:
     assert _findings(oclgrind, tmp_path / "log", "spot_lights", convention) == ""
 
 
+@pytest.mark.parametrize("preset", ["noon", "overcast"])
+def test_ambient(oclgrind: str, tmp_path: Path, preset: str) -> None:
+    assert _findings(oclgrind, tmp_path / "log", "ambient", preset) == ""
+
+
 @pytest.mark.parametrize("name", ["night_grade", "overcast_sky", "harmonize"])
 def test_grade(oclgrind: str, tmp_path: Path, name: str) -> None:
     assert _findings(oclgrind, tmp_path / "log", "grade", name) == ""

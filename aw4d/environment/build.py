@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +40,16 @@ def environment(params: AmbientParams) -> Environment:
     InputError
         The preset has no sun, but its place is given; or the map is wrong.
     """
+    return _read(params) if params.map else _analytic_of(params)
+
+
+@lru_cache(maxsize=8)
+def _analytic_of(params: AmbientParams) -> Environment:
+    """Kept, with its tables, since they take a second to make."""
+    return _read(params)
+
+
+def _read(params: AmbientParams) -> Environment:
     preset = PRESETS[params.preset]
     if params.map:
         given = [n for n in ("sun_altitude_deg", "sun_azimuth_deg", "turbidity") if getattr(params, n) is not None]

@@ -18,35 +18,24 @@ static inline Quad gather(__global const float *restrict p, const int i)
 }
 #else
 #define TOINTW(x) JOIN(convert_int, W)(x)
-static inline float16 gather_four(__global const float *restrict p, const int4 i)
+/* Loads of four lanes, turned into four vectors of four. The arrays never leave the registers; vectors put together from
+ * shorter ones compile to the same, but make Oclgrind 21.10 crash when it looks for values that were never set. */
+static inline Quad gather(__global const float *restrict p, const intw i)
 {
-    return (float16)(vload4(i.x, p), vload4(i.y, p), vload4(i.z, p), vload4(i.w, p));
-}
-#if W == 4
-static inline Quad gather(__global const float *restrict p, const int4 i)
-{
-    const float16 a = gather_four(p, i);
-    const Quad out = {a.s048c, a.s159d, a.s26ae, a.s37bf};
+    int at[W];
+    float four[16], x[W], y[W], z[W], w[W];
+    JOIN(vstore, W)(i, 0, at);
+    for (int k = 0; k < W / 4; k++) {
+        for (int j = 0; j < 4; j++)
+            vstore4(vload4(at[4 * k + j], p), j, four);
+        const float16 q = vload16(0, four);
+        vstore4(q.s048c, k, x);
+        vstore4(q.s159d, k, y);
+        vstore4(q.s26ae, k, z);
+        vstore4(q.s37bf, k, w);
+    }
+    const Quad out = {JOIN(vload, W)(0, x), JOIN(vload, W)(0, y), JOIN(vload, W)(0, z), JOIN(vload, W)(0, w)};
     return out;
 }
-#elif W == 8
-static inline Quad gather(__global const float *restrict p, const int8 i)
-{
-    const float16 a = gather_four(p, i.lo), b = gather_four(p, i.hi);
-    const Quad out = {
-        (float8)(a.s048c, b.s048c), (float8)(a.s159d, b.s159d), (float8)(a.s26ae, b.s26ae), (float8)(a.s37bf, b.s37bf)};
-    return out;
-}
-#else
-static inline Quad gather(__global const float *restrict p, const int16 i)
-{
-    const float16 a = gather_four(p, i.s0123), b = gather_four(p, i.s4567);
-    const float16 c = gather_four(p, i.s89ab), d = gather_four(p, i.scdef);
-    const Quad out = {
-        (float16)(a.s048c, b.s048c, c.s048c, d.s048c), (float16)(a.s159d, b.s159d, c.s159d, d.s159d),
-        (float16)(a.s26ae, b.s26ae, c.s26ae, d.s26ae), (float16)(a.s37bf, b.s37bf, c.s37bf, d.s37bf)};
-    return out;
-}
-#endif
 #endif
 #endif
