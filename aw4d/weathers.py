@@ -70,7 +70,11 @@ WEATHERS: dict[str, Weather] = {
         passes=("ambient", "overcast_sky", "spot_lights", "harmonize"),
         sets=("ambient.preset=overcast", *_BY_DAY),
     ),
-    "dawn": Weather(about="the sun on the horizon", passes=_RELIT, sets=("ambient.preset=dawn", "exposure.ev=-1")),
+    "dawn": Weather(
+        about="just before sunrise",
+        passes=_RELIT,
+        sets=("ambient.preset=dawn", "ambient.sun_altitude_deg=-1", "exposure.ev=-1"),
+    ),
     "dusk": Weather(about="the blue hour, lights on", passes=_RELIT, sets=("ambient.preset=blue_hour",)),
     "night": Weather(
         about="midnight: lamps, headlights, a faint sky",
