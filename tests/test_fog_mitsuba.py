@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference_numpy.fog import POINT, SPOT, fog
+from reference_numpy.fog import fog
+from reference_numpy.lamp import POINT, SPOT
 
 mi = pytest.importorskip("mitsuba", reason="mitsuba is not installed (pip install mitsuba)")
 
