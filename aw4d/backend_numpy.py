@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from aw4d.backend import Planes, check_names, frame_arguments
 from aw4d.gbuffer import GBuffer
 from aw4d.params import Params
+from aw4d.passes import PASSES, held_as
 from aw4d.scene import Scene
 
 
@@ -55,6 +56,10 @@ class NumpyBackend:
         function = getattr(importlib.import_module(f"reference_numpy.{name}"), name)
         wanted = inspect.signature(function).parameters
         own = p.arguments()
+        for plane in set(PASSES[name].optional) - planes.arrays.keys():
+            channels, dtype = held_as(plane)
+            shape = planes.shape if channels == 1 else (*planes.shape, channels)
+            planes.arrays[plane] = _widen(np.zeros(shape, dtype))
         at_hand = planes.arrays | planes.arguments | own
         check_names(name, set(wanted), set(at_hand), set(own))
         planes.arrays.update(function(**{key: at_hand[key] for key in wanted}))

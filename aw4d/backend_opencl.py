@@ -18,7 +18,7 @@ from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
 from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
-from aw4d.passes import GROUP_ITEMS, GROUPS, PASSES, TILE, WORKING, Stage, stages
+from aw4d.passes import CHUNKS, GROUP_ITEMS, GROUPS, PASSES, TILE, WORKING, Stage, held_as, stages
 from aw4d.scene import Scene
 from reference_numpy.sampling import gauss_legendre
 
@@ -173,6 +173,10 @@ class OpenCLBackend:
         new = {plane: WORKING[plane] for plane in PASSES[name].writes if plane not in planes.buffers}
         for plane, channels in (wanted_layers | new).items():
             planes.buffers[plane] = self._buffer(plane, 4 * channels * planes.plane)
+        for plane in set(PASSES[name].optional) - planes.buffers.keys():
+            channels, dtype = held_as(plane)
+            planes.buffers[plane] = self._buffer(plane, np.dtype(dtype).itemsize * channels * planes.plane)
+            self._cl.enqueue_fill_buffer(self._queue, planes.buffers[plane], np.uint8(0), 0, planes.buffers[plane].size)
         own = scalar_arguments(p)
         tables = {
             key: self._to_device(key, np.asarray(value, dtype=np.float32))
@@ -182,14 +186,17 @@ class OpenCLBackend:
         at_hand = planes.buffers | planes.arguments | own | tables | self._scratch(name, planes)
         check_names(name, {argument for kernel in kernels for argument in kernel.types}, set(at_hand), set(own))
         for stage, kernel in zip(stages(name), kernels, strict=True):
-            kernel.enqueue(self._queue, *self._size(stage, planes), at_hand)
+            kernel.enqueue(self._queue, *self._size(stage, planes, at_hand.get(PASSES[name].particles, 0)), at_hand)
 
     def _scratch(self, name: str, planes: OpenCLPlanes) -> dict[str, Any]:
         """Buffers that the stages of a pass share, kept from frame to frame."""
-        size = (planes.shape[0], planes.pitch, planes.arguments["light_count"])
-        return {key: self._buffer(key, max(4 * count(*size), 4)) for key, count in PASSES[name].scratch.items()}
+        count = planes.arguments[PASSES[name].particles or "light_count"]
+        size = (planes.shape[0], planes.pitch, count)
+        return {key: self._buffer(key, max(4 * values(*size), 4)) for key, values in PASSES[name].scratch.items()}
 
-    def _size(self, stage: Stage, planes: OpenCLPlanes) -> tuple[tuple[int, int], tuple[int, int] | None]:
+    def _size(
+        self, stage: Stage, planes: OpenCLPlanes, particles: int
+    ) -> tuple[tuple[int, int], tuple[int, int] | None]:
         """Work-items of a stage, and how many a group holds; None: the driver chooses.
 
         A CPU takes two rows of pixels a group: a few hundred groups balance its cores.
@@ -201,7 +208,15 @@ class OpenCLBackend:
             return (GROUP_ITEMS, min(GROUPS, height)), (GROUP_ITEMS, 1)
         if stage.over == "tiles":
             return (-(-width // TILE), -(-height // TILE)), None
+        if stage.over == "particles":
+            groups = max(-(-particles // (self.width * GROUP_ITEMS)), 1)
+            return (groups * GROUP_ITEMS, 1), (GROUP_ITEMS, 1)
+        if stage.over == "chunks":
+            return (CHUNKS, 1), None
         columns = planes.pitch // self.width
+        if stage.over == "strips":
+            # Alone on a CPU: in a group of the driver's choice, what they hold is too much for a stack.
+            return (columns, -(-height // TILE)), (1, 1) if self.report.kind == "cpu" else None
         fits = self.report.kind == "cpu" and height % 2 == 0 and 2 * columns <= self.report.device.max_work_group_size
         return (columns, height), (columns, 2) if fits else None
 

@@ -34,7 +34,9 @@ err_console = Console(stderr=True)
 ClipPath = Annotated[Path, typer.Argument(help="A clip made by `aw4d ingest`.")]
 OutClip = Annotated[Path, typer.Option("-o", "--out", help="The clip to write.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the clip if it exists.")]
-Weather = Annotated[str, typer.Option("--weather", "-w", help="dawn, dusk, fog, night or overcast.")]
+Weather = Annotated[
+    str, typer.Option("--weather", "-w", help="snow, rain, fog, overcast, dawn, dusk, night; or several: rain+night.")
+]
 Set = Annotated[list[str] | None, typer.Option("--set", help="A parameter: fog.visibility_m=60. Repeatable.")]
 Frames = Annotated[str | None, typer.Option("--frames", help="A:B as in Python, or one frame.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_numpy.srgb import linear_to_srgb, srgb_to_linear
+from reference_numpy import srgb
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # of linear Rec. 709
+LUMINANCE = srgb.LUMINANCE.astype(np.float32)  # pictures are float32, and so is their luminance
 
-_TO_LINEAR = srgb_to_linear(np.arange(256) / 255).astype(np.float32)
+_TO_LINEAR = srgb.srgb_to_linear(np.arange(256) / 255).astype(np.float32)
 _CODE_BITS = 16
 # The steepest part of the curve rises by 12.92 * 255 / 65535 = 0.05 codes a step: the table rounds correctly
 # everywhere but within 0.025 codes of a tie.
-_TO_CODE = np.rint(linear_to_srgb(np.arange(2**_CODE_BITS) / (2**_CODE_BITS - 1)) * 255).astype(np.uint8)
+_TO_CODE = np.rint(srgb.linear_to_srgb(np.arange(2**_CODE_BITS) / (2**_CODE_BITS - 1)) * 255).astype(np.uint8)
 
 
 def decode_srgb8(image: NDArray[np.uint8]) -> NDArray[np.float32]:

@@ -18,18 +18,21 @@ from aw4d.passes import PASSES
 from aw4d.pipeline import Plan, Step, prepare
 
 BAR_P9999, BAR_MAX = 1e-5, 1e-4
+VECTORS = frozenset({"normal"})  # planes that are directions, not three numbers
 
 
-def error(values: ArrayLike, reference: ArrayLike) -> tuple[float, float]:
+def error(values: ArrayLike, reference: ArrayLike, *, vectors: bool = False) -> tuple[float, float]:
     """Largest and 99.99th percentile error of `values` against `reference`, arrays of one shape.
 
     `|x - ref| / max(|ref|, 1e-3 p99(|ref|))`: relative, with a floor for black.
     A value that is not finite where the reference is counts as infinite.
+
+    With `vectors`, |.| is the length of (..., 3): a direction has one size, however small one of its components is.
     """
     x, ref = np.asarray(values, dtype=np.float64), np.asarray(reference, dtype=np.float64)
-    size = np.abs(ref)
+    size, off = (np.linalg.norm(v, axis=-1) if vectors else np.abs(v) for v in (ref, x - ref))
     floor = max(1e-3 * float(np.percentile(size, 99)), float(np.finfo(np.float32).tiny))
-    wrong = np.where(np.isfinite(x), np.abs(x - ref), np.inf) / np.maximum(size, floor)
+    wrong = np.where(np.isfinite(off), off, np.inf) / np.maximum(size, floor)
     return float(wrong.max()), float(np.percentile(wrong, 99.99))
 
 
@@ -68,7 +71,7 @@ def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
     worst: dict[tuple[str, str, str], tuple[float, float]] = {}
     for index in frames:
         frame = prepare(clip.frame(index, made.planes), made, index)
-        scene = made.lighting.scene(index, frame.camera)
+        scene = made.scene(index)
         reference = NumpyBackend()
         truth = reference.upload(frame, scene)
         tried = {name: backend.upload(frame, scene, list(made.layers)) for name, backend in backends.items()}
@@ -82,7 +85,7 @@ def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
                 for name, values in backend.download(planes, names).items():
                     key = (step.name, name, device)
                     seen = worst.get(key, (0.0, 0.0))
-                    now = error(values, expected[name])
+                    now = error(values, expected[name], vectors=name in VECTORS)
                     worst[key] = (max(seen[0], now[0]), max(seen[1], now[1]))
     return [
         Row(step=step, plane=plane, device=device, max_error=largest, p9999_error=p9999)

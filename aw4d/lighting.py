@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,7 @@ from aw4d.environment import Environment, arrays, environment
 from aw4d.gbuffer import GBuffer
 from aw4d.lights.ego import headlights
 from aw4d.lights.faces import street_lamp_faces
-from aw4d.lights.light import Light, LightArrays, in_camera, read_lights, switched_on
+from aw4d.lights.light import Light, in_camera, read_lights, switched_on
 from aw4d.lights.poles import pole_lamps
 from aw4d.lights.street_lamps import street_lamps
 from aw4d.lights.vehicles import vehicle_emission, vehicle_lights
@@ -58,17 +57,15 @@ class Lighting:
 
     def scene(self, index: int, camera: Camera) -> Scene:
         """What lights a frame, as the passes take it."""
-        return Scene(lights=self._in_camera(self.lights(index), camera), environment=self._tables(camera))
+        return self._lit_by(self.lights(index), camera)
 
     def alone(self, light: Light, camera: Camera) -> Scene:
         """The same with one local light only."""
-        return Scene(lights=self._in_camera([light], camera), environment=self._tables(camera))
+        return self._lit_by([light], camera)
 
-    def _in_camera(self, lights: list[Light], camera: Camera) -> LightArrays:
-        return in_camera(lights, camera)
-
-    def _tables(self, camera: Camera) -> dict[str, Any]:
-        return arrays(self.environment, camera, self.white_cd_m2).arguments()
+    def _lit_by(self, lights: list[Light], camera: Camera) -> Scene:
+        tables = arrays(self.environment, camera, self.white_cd_m2).arguments()
+        return Scene(lights=in_camera(lights, camera), environment=tables)
 
     def emissive(self, frame: GBuffer, index: int) -> NDArray[np.float32]:
         """Radiance that the surfaces send by themselves, (H, W, 3): the clip's own and the vehicles' lamps.

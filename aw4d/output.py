@@ -12,6 +12,9 @@ from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 import aw4d
 from aw4d.backend import Backend
 from aw4d.clip import Clip
@@ -21,7 +24,7 @@ from aw4d.io.images import exr_channels, write_exr, write_png
 from aw4d.io.video import VideoWriter
 from aw4d.overlap import ahead
 from aw4d.pipeline import Plan
-from aw4d.render import EACH_LIGHT, Frame, frames_of
+from aw4d.render import EACH_LIGHT, LABELS, Frame, frames_of
 
 FORMATS = ("png", "exr")
 VIDEO_SUFFIX = ".mp4"
@@ -72,13 +75,25 @@ class _Folder:
 
 
 class _Layers:
-    def __init__(self, folder: Path) -> None:
+    """A folder a layer; the boxes of the written frames go into `boxes.json`, by frame, as the clip has them."""
+
+    def __init__(self, folder: Path, clip: Clip, chosen: Sequence[int]) -> None:
         self._folder = folder
+        boxes = {index: [box.to_json() for box in clip.info.boxes[index]] for index in chosen if clip.info.boxes}
+        (folder / "boxes.json").write_text(json.dumps(boxes, indent=2, allow_nan=False) + "\n", encoding="utf-8")
 
     def write(self, frame: Frame) -> None:
         for name, values in frame.layers.items():
             (self._folder / name).mkdir(exist_ok=True)
-            write_exr(self._folder / name / f"{frame.index:06d}.exr", exr_channels(values))
+            path = self._folder / name / f"{frame.index:06d}"
+            if values.dtype == np.float32:
+                write_exr(path.with_suffix(".exr"), exr_channels(values))
+            else:  # masks 0 and 255, ids as they are
+                write_png(path.with_suffix(".png"), _codes(values))
+
+
+def _codes(values: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    return values.astype(np.uint8) * np.uint8(255) if values.dtype == np.bool_ else values.astype(np.uint16)
 
 
 def sidecar(clip: Clip, made: Plan, *, backend: str, frames: Sequence[int], seconds: float) -> dict[str, Any]:
@@ -150,13 +165,10 @@ def open_output(out: Path, fps: float, kind: str = "png") -> Iterator[Sink]:
 
 
 @contextmanager
-def _sinks(out: Path, fps: float, kind: str, layer_folder: Path | None) -> Iterator[list[Sink]]:
-    """Where every frame goes: the output, and the folder of layers where one is given."""
+def _open_layers(folder: Path | None, clip: Clip, chosen: Sequence[int]) -> Iterator[list[Sink]]:
+    """The folder of layers, where one is given."""
     with ExitStack() as stack:
-        sinks: list[Sink] = [stack.enter_context(open_output(out, fps, kind))]
-        if layer_folder is not None:
-            sinks.append(_Layers(stack.enter_context(_replacing_folder(layer_folder))))
-        yield sinks
+        yield [] if folder is None else [_Layers(stack.enter_context(_replacing_folder(folder)), clip, chosen)]
 
 
 def _write(frames: Iterable[Frame], sinks: Sequence[Sink]) -> None:
@@ -167,8 +179,8 @@ def _write(frames: Iterable[Frame], sinks: Sequence[Sink]) -> None:
 
 def write_all(frames: Iterable[Frame], out: Path, *, fps: float, kind: str = "png") -> None:
     """Write every frame into `out`."""
-    with _sinks(out, fps, kind, None) as sinks:
-        _write(frames, sinks)
+    with open_output(out, fps, kind) as sink:
+        _write(frames, [sink])
 
 
 def write_edit(
@@ -187,13 +199,14 @@ def write_edit(
     `watch` sees every frame on its way, to show progress.
     """
     start = time.perf_counter()
-    layers = [*made.layers, EACH_LIGHT] if layer_folder is not None else []
+    layers = [*made.layers, EACH_LIGHT, LABELS] if layer_folder is not None else []
     with (
         replacing(sidecar_path(out)) as note,
         closing(ahead(frames_of(clip, made, backend, chosen, layers))) as frames,
-        _sinks(out, clip.info.fps, kind, layer_folder) as sinks,
+        open_output(out, clip.info.fps, kind) as sink,
+        _open_layers(layer_folder, clip, chosen) as layer_sinks,
     ):
-        _write(watch(frames), sinks)
+        _write(watch(frames), [sink, *layer_sinks])
         content = sidecar(clip, made, backend=backend.name, frames=chosen, seconds=time.perf_counter() - start)
         # Before the output takes its place: where there is no room for its sidecar, there is none for the output.
         note.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
+import numpy as np
+
+from aw4d.gbuffer import PLANES
 from aw4d.params import (
     AmbientParams,
     FogParams,
@@ -13,10 +16,19 @@ from aw4d.params import (
     NightGradeParams,
     OvercastSkyParams,
     Params,
+    PuddlesParams,
+    RainStreaksParams,
+    ReflectionsParams,
+    RipplesParams,
+    SnowCoverParams,
+    SnowFallParams,
     SpotLightsParams,
+    WetGroundParams,
 )
+from reference_numpy.reflections import BLOCKS
 
 TILE = 16  # [px] side of the squares for which lights are sorted out; a multiple of every vector width
+CHUNKS = 64  # of particles that are counted together; as in particles.h
 GROUPS, GROUP_ITEMS = 64, 64  # enough to fill a GPU and to balance a CPU's cores
 
 
@@ -26,11 +38,13 @@ class Stage:
 
     "pixels": a vector of pixels of one row, over (pitch / W, height). "tiles": a square of TILE pixels, over
     (ceil(width / TILE), ceil(height / TILE)). "one": a single work-item. "groups": work-groups of GROUP_ITEMS
-    work-items that share the rows of the picture among them, GROUPS at most.
+    work-items that share the rows of the picture among them, GROUPS at most. "particles": a vector of them, rounded
+    up to whole groups of GROUP_ITEMS. "chunks": a share of them, CHUNKS in all. "strips": a vector of pixels in each of
+    TILE rows, over (pitch / W, ceil(height / TILE)).
     """
 
     kernel: str
-    over: Literal["pixels", "tiles", "one", "groups"] = "pixels"
+    over: Literal["pixels", "tiles", "one", "groups", "particles", "chunks", "strips"] = "pixels"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +58,17 @@ class Pass:
     reads, writes
         Names of planes. One that is written and not among the clip's planes is listed in `WORKING`.
     optional
-        Planes out of `reads` that are taken for 0 where a clip does not have them.
+        Planes out of `reads` that are taken for 0 where neither the clip nor an earlier pass has them.
     layers
         Results that are kept only when they are asked for, with their number of channels.
     stages
         Its kernels in order; by default one of the pass' own name, over the pixels.
+    particles
+        The argument that is the number of its particles, if it has any.
     scratch
         Device buffers that its stages share, by argument name: number of 32-bit values for (height [px], pitch [px],
-        number of lights). Their contents are undefined when the first stage starts.
+        number of particles, or of lights in a pass that has no particles). Their contents are undefined when the first
+        stage starts.
     """
 
     params: type[Params]
@@ -60,11 +77,17 @@ class Pass:
     layers: dict[str, int]
     optional: tuple[str, ...] = ()
     stages: tuple[Stage, ...] = ()
+    particles: str = ""
     scratch: dict[str, Callable[[int, int, int], int]] = field(default_factory=dict)
 
 
 # Planes that one pass writes for another and no clip holds, with their number of channels.
-WORKING: dict[str, int] = {"direct": 3}
+WORKING: dict[str, int] = {"direct": 3, "occlusion": 1, "puddle": 1, "snow_coverage": 1, "wetness": 1}
+
+
+def held_as(plane: str) -> tuple[int, type]:
+    """Channels and dtype of a plane."""
+    return (WORKING[plane], np.float32) if plane in WORKING else (PLANES[plane].channels, PLANES[plane].dtype)
 
 
 def _tile_words(height: int, pitch: int, lights: int) -> int:
@@ -77,11 +100,72 @@ def _margin(height: int) -> int:
     return (height // 64 + 8) * 16
 
 
+def _particle_bits(height: int, pitch: int, particles: int) -> int:
+    """A bit for every particle in every column and every row of tiles, in words of 64."""
+    return 2 * (-(-height // TILE) + -(-pitch // TILE)) * -(-particles // 64)
+
+
+def _falling(name: str, params: type[Params], particles: str, layer: str) -> Pass:
+    """A pass that draws particles; its stages are those of particles.h."""
+    over: dict[str, Any] = {
+        "keys": "particles",
+        "count_low": "chunks",
+        "sum_low": "one",
+        "spread_low": "chunks",
+        "count_high": "chunks",
+        "sum_high": "one",
+        "spread_high": "chunks",
+        "records": "particles",
+        "bins": "particles",
+    }
+    return Pass(
+        params=params,
+        reads=("rgb", "depth", "sky"),
+        writes=("rgb",),
+        layers={f"{layer}_alpha": 1, f"{layer}_depth": 1},
+        stages=(
+            *(Stage(kernel=f"{name}_{stage}", over=items) for stage, items in over.items()),
+            Stage(kernel=name, over="strips"),
+        ),
+        particles=particles,
+        scratch={
+            "particle_key": lambda height, pitch, count: count,
+            "particle_by_low": lambda height, pitch, count: count,
+            "particle_order": lambda height, pitch, count: count,
+            "particle_counts": lambda height, pitch, count: 256 * CHUNKS,
+            "particle_shown": lambda height, pitch, count: 1,
+            "particle_record": lambda height, pitch, count: 32 * count,
+            "particle_bits": _particle_bits,
+        },
+    )
+
+
 PASSES: dict[str, Pass] = {
+    "wet_ground": Pass(
+        params=WetGroundParams,
+        reads=("albedo", "roughness", "metallic", "normal", "sky", "road", "snow_coverage"),
+        writes=("albedo", "roughness", "wetness"),
+        optional=("road", "snow_coverage"),
+        layers={"wetness": 1},
+    ),
+    "puddles": Pass(
+        params=PuddlesParams,
+        reads=("depth", "normal", "albedo", "roughness", "sky", "road", "snow_coverage"),
+        writes=("albedo", "normal", "roughness", "puddle"),
+        optional=("snow_coverage",),
+        layers={"puddle": 1},
+    ),
+    "ripples": Pass(
+        params=RipplesParams,
+        reads=("puddle", "normal", "roughness", "depth"),
+        writes=("normal", "roughness"),
+        optional=("puddle",),
+        layers={"ripple": 1},
+    ),
     "ambient": Pass(
         params=AmbientParams,
         reads=("depth", "normal", "albedo", "roughness", "metallic", "sky"),
-        writes=("rgb",),
+        writes=("rgb", "occlusion"),
         layers={"ambient": 3, "shadow": 1, "occlusion": 1},
         stages=(Stage(kernel="ambient_solid"), Stage(kernel="ambient_quads"), Stage(kernel="ambient")),
         scratch={
@@ -98,12 +182,36 @@ PASSES: dict[str, Pass] = {
         stages=(Stage(kernel="spot_lights_tiles", over="tiles"), Stage(kernel="spot_lights")),
         scratch={"tile_lights": _tile_words},
     ),
+    "snow_cover": Pass(
+        params=SnowCoverParams,
+        reads=("depth", "normal", "albedo", "roughness", "metallic", "sky", "road", "vehicle"),
+        writes=("depth", "normal", "albedo", "roughness", "metallic", "snow_coverage"),
+        optional=("vehicle",),
+        layers={"snow_coverage": 1, "snow_height": 1},
+    ),
+    "reflections": Pass(
+        params=ReflectionsParams,
+        reads=(
+            *("rgb", "depth", "normal", "albedo", "roughness", "metallic", "sky"),
+            *("emissive", "puddle", "wetness", "occlusion"),
+        ),
+        writes=("rgb",),
+        optional=("emissive", "puddle", "wetness", "occlusion"),
+        layers={"reflection": 3},
+        stages=(Stage(kernel="reflections_pixels"), Stage(kernel="reflections")),
+        scratch={
+            "reflection_pixels": lambda height, pitch, lights: 4 * height * (pitch + 1),
+            "reflection_means": lambda height, pitch, lights: sum(-(-height // n) for n in BLOCKS) * 4 * (pitch + 1),
+        },
+    ),
     "fog": Pass(
         params=FogParams,
         reads=("rgb", "depth", "sky"),
         writes=("rgb",),
         layers={"transmittance": 1, "in_scatter": 3, "airlight": 3},
     ),
+    "rain_streaks": _falling("rain_streaks", RainStreaksParams, "rain_count", "streak"),
+    "snow_fall": _falling("snow_fall", SnowFallParams, "snow_count", "flake"),
     "harmonize": Pass(params=HarmonizeParams, reads=("rgb", "direct"), writes=("rgb",), layers={"fusion_weight": 1}),
     "overcast_sky": Pass(params=OvercastSkyParams, reads=("rgb", "sky"), writes=("rgb",), layers={}),
     "night_grade": Pass(

@@ -16,10 +16,14 @@ from aw4d.environment import rendered
 from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
 from aw4d.lighting import Lighting, lighting
+from aw4d.lights.light import Light
 from aw4d.params import AmbientParams, FogParams, Params
 from aw4d.passes import PASSES
+from aw4d.scene import Scene
 from aw4d.weathers import Settings, find, nearest
 from aw4d.weathers import settings as weather_settings
+from aw4d.world import world_arguments
+from aw4d.world.sizes import rain_extinction, snow_extinction
 
 LIGHT_LAYER = "light-"  # radiance of one light: the layer's name goes on with the light's
 
@@ -59,6 +63,13 @@ class Plan:
     settings: Settings
     planes: tuple[str, ...]
 
+    def scene(self, index: int, alone: Light | None = None) -> Scene:
+        """What lights a frame, or one local light alone, and where the frame is in the world."""
+        info, camera = self.lighting.info, self.lighting.info.camera(index)
+        lit = self.lighting.alone(alone, camera) if alone else self.lighting.scene(index, camera)
+        passes = [step.name for step in self.steps]
+        return dataclasses.replace(lit, world=world_arguments(info, self.settings, passes, index))
+
     @property
     def layers(self) -> dict[str, int]:
         """Layers that the steps can give, with their channels."""
@@ -76,12 +87,12 @@ def plan(clip: Clip, weather: str, assignments: Sequence[str] = ()) -> Plan:
     """
     settings = weather_settings(weather, assignments)
     lit = lighting(clip, settings)
-    settings = _resolved(settings, lit)
+    settings = _resolved(settings, lit, find(weather).passes)
     steps: list[Step] = []
     skipped: dict[str, str] = {}
     for name in find(weather).passes:
         params = getattr(settings, name)
-        if reason := _idle(name, params, clip, lit, skipped):
+        if reason := _idle(name, params, clip, lit, steps):
             skipped[name] = reason
             continue
         _check_planes(clip, name, made_before={plane for step in steps for plane in PASSES[step.name].writes})
@@ -96,9 +107,18 @@ def plan(clip: Clip, weather: str, assignments: Sequence[str] = ()) -> Plan:
     )
 
 
-def _resolved(settings: Settings, lit: Lighting) -> Settings:
-    """Settings with what follows from the environment: fog has the colour of the surroundings' mean radiance."""
+def _resolved(settings: Settings, lit: Lighting, passes: Sequence[str]) -> Settings:
+    """Settings with what follows from the rest: the fog's colour is the surroundings' mean radiance; rain and snow that
+    fall are fog, too, farther away than single drops and flakes are seen."""
     fog = settings.fog
+    falling = 0.0
+    if "rain_streaks" in passes:
+        falling += rain_extinction(settings.rain_streaks.rate_mm_h)
+    if "snow_fall" in passes:
+        falling += snow_extinction(settings.snow_fall.rate_mm_h)
+    if falling > 0 and fog.alpha > 0:
+        assert fog.sigma_s is not None  # set by __post_init__
+        fog = dataclasses.replace(fog, visibility_m=None, sigma_s=fog.sigma_s + falling / fog.alpha)
     if fog.color is None:
         red, green, blue = (float(c) / lit.white_cd_m2 for c in lit.environment.mean_radiance())
         fog = dataclasses.replace(fog, color=(red, green, blue))
@@ -119,7 +139,19 @@ def _planes(clip: Clip, steps: Sequence[Step]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(plane for plane in wanted if plane in clip.planes))
 
 
-def _idle(name: str, params: Params, clip: Clip, lit: Lighting, skipped: dict[str, str]) -> str:
+# The amount without which a pass changes nothing, and the passes that must run, any of them, for it to have work.
+_AMOUNT = {
+    "snow_cover": "depth_cm",
+    "wet_ground": "wetness",
+    "puddles": "share",
+    "ripples": "rate_mm_h",
+    "snow_fall": "rate_mm_h",
+    "rain_streaks": "rate_mm_h",
+}
+_AFTER = {"harmonize": ("spot_lights",), "ripples": ("puddles",), "reflections": ("wet_ground", "puddles")}
+
+
+def _idle(name: str, params: Params, clip: Clip, lit: Lighting, steps: Sequence[Step]) -> str:
     """Why a pass would change nothing; empty where it would."""
     if isinstance(params, FogParams) and params.extinction == 0 and params.beta == 0:
         return "the extinction is 0"
@@ -127,8 +159,11 @@ def _idle(name: str, params: Params, clip: Clip, lit: Lighting, skipped: dict[st
         return "frames of a renderer are given"
     if name == "spot_lights" and "emissive" not in clip.planes and not any(map(lit.lights, range(len(clip)))):
         return "there are no lights"
-    if name == "harmonize" and "spot_lights" in skipped:
-        return "there is no light to add"
+    if name in _AFTER and not {step.name for step in steps} & set(_AFTER[name]):
+        return f"{' and '.join(_AFTER[name])} did nothing"
+    by_amount = name in _AMOUNT and getattr(params, "convention", "physical") == "physical"
+    if by_amount and getattr(params, _AMOUNT[name]) == 0:
+        return f"{_AMOUNT[name]} is 0"
     return ""
 
 
@@ -156,7 +191,7 @@ def render(
     A pure function of clip, plan and index: any frame alone comes out as in the whole run.
     """
     frame = prepare(frame, made, index)
-    planes = backend.upload(frame, made.lighting.scene(index, frame.camera), layers)
+    planes = backend.upload(frame, made.scene(index), layers)
     for step in made.steps:
         backend.run(step.name, planes, step.params)
     return backend.download(planes, ["rgb", *layers])
@@ -167,10 +202,13 @@ def each_light(backend: Backend, frame: GBuffer, made: Plan, index: int) -> dict
     step = next((step for step in made.steps if step.name == "spot_lights"), None)
     if step is None:
         return {}
+    ground = [before for before in made.steps if not {"rgb", "direct"} & set(PASSES[before.name].writes)]
     dark = frame.with_plane("emissive", np.zeros((*frame.camera.shape, 3), dtype=np.float32))
     out = {}
     for light in made.lighting.lights(index):
-        planes = backend.upload(dark, made.lighting.alone(light, frame.camera))
+        planes = backend.upload(dark, made.scene(index, alone=light))
+        for before in ground:
+            backend.run(before.name, planes, before.params)
         backend.run(step.name, planes, step.params)
         radiance = backend.download(planes, ["direct"])["direct"]
         if radiance.any():

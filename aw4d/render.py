@@ -6,6 +6,7 @@ import dataclasses
 import logging
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,7 @@ from aw4d.backend_numpy import NumpyBackend
 from aw4d.clip import Clip
 from aw4d.colour import LUMINANCE, encode_srgb8
 from aw4d.errors import InputError
+from aw4d.gbuffer import GBuffer
 from aw4d.overlap import ahead
 from aw4d.pipeline import Plan, before_grading, check_layers, each_light, plan, render
 from aw4d.weathers import nearest
@@ -22,17 +24,21 @@ from aw4d.weathers import nearest
 log = logging.getLogger("aw4d")
 BACKENDS = ("auto", "opencl", "numpy")
 EACH_LIGHT = "lights"  # the layer that stands for one layer a light
+LABELS = "labels"  # the layer that stands for the clip's own depth and masks, unchanged, and the edited depth
+LABEL_PLANES = ("depth", "sky", "road", "vehicle", "street_light")
+EDITED_DEPTH = "edited_depth"  # [m] of the nearest thing in every pixel, be it a drop or a flake
+PARTICLE_DEPTHS = ("streak_depth", "flake_depth")
 EXPOSURE_FRAMES = 5  # from which a steady exposure is measured
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """One edited frame: scene-linear `rgb` (H, W, 3) float32, and layers by name."""
+    """One edited frame: scene-linear `rgb` (H, W, 3) float32, and layers by name: float32, masks bool, ids int32."""
 
     index: int
     time: float
     rgb: NDArray[np.float32]
-    layers: dict[str, NDArray[np.float32]]
+    layers: dict[str, NDArray[Any]]
 
     @property
     def image(self) -> NDArray[np.uint8]:
@@ -72,17 +78,28 @@ def frames_of(
 ) -> Iterator[Frame]:
     """Edited frames in the order asked for; the next ones are decoded while one is computed.
 
-    `layers` may name `EACH_LIGHT` too: the radiance of every local light alone.
+    `layers` may name `EACH_LIGHT` too, the radiance of every local light alone, and `LABELS`.
     """
-    own = [layer for layer in layers if layer != EACH_LIGHT]
+    own = [layer for layer in layers if layer not in (EACH_LIGHT, LABELS)]
     check_layers(made, own)
+    labels = [name for name in LABEL_PLANES if LABELS in layers and name in clip.planes]
+    read = tuple(dict.fromkeys((*made.planes, *labels)))
     made = with_clip_exposure(clip, made, backend)
-    for index, source in zip(chosen, ahead(clip.frame(i, made.planes) for i in chosen), strict=True):
+    for index, source in zip(chosen, ahead(clip.frame(i, read) for i in chosen), strict=True):
         out = render(backend, source, made, index, own)
         rgb = out.pop("rgb")
         if EACH_LIGHT in layers:
             out |= each_light(backend, source, made, index)
+        if LABELS in layers:
+            out |= _labels(source, labels, out)
         yield Frame(index=index, time=source.time, rgb=rgb, layers=out)
+
+
+def _labels(source: GBuffer, names: Sequence[str], layers: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Depth and masks as the clip has them, and the depth of the nearest thing, drops and flakes included."""
+    nearer = [layers[name] for name in PARTICLE_DEPTHS if name in layers]
+    edited = np.minimum.reduce([source["depth"], *nearer])
+    return {name: source[name] for name in names} | {EDITED_DEPTH: edited}
 
 
 def with_clip_exposure(clip: Clip, made: Plan, backend: Backend) -> Plan:
@@ -120,7 +137,7 @@ def edit(
     clip
         An open clip.
     weather
-        "dawn", "dusk", "fog", "night" or "overcast".
+        "snow", "rain", "fog", "overcast", "dawn", "dusk" or "night", or several of them: "rain+night".
     backend, device
         "auto", "opencl" or "numpy", and the device's index (see `aw4d doctor`).
     frames

@@ -1,4 +1,4 @@
-"""What lights a frame, in the arrays in which it reaches the passes."""
+"""What lights a frame and where it is in the world, in the arrays in which it reaches the passes."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from aw4d.lights.light import LightArrays
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """Local lights, and the environment's tables by the argument names that the passes take."""
+    """Local lights, the environment's tables, and the frame's place in the world by the passes' argument names."""
 
     lights: LightArrays
     environment: Mapping[str, Any] = field(default_factory=dict)
+    world: Mapping[str, Any] = field(default_factory=dict)
 
     def arguments(self) -> dict[str, Any]:
         """Everything by argument name."""
         lights = {held.name: getattr(self.lights, held.name) for held in fields(self.lights)}
-        return lights | dict(self.environment)
+        return lights | dict(self.environment) | dict(self.world)

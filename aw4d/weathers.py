@@ -1,4 +1,4 @@
-"""Weathers by name: which passes they run, and how `--set group.field=value` reaches their parameters."""
+"""Weathers by name and in combination: which passes they run, and how `--set group.field=value` reaches them."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 from aw4d.errors import InputError
 from aw4d.params import (
+    DEFAULT_VISIBILITY_M,
     RGB,
     AmbientParams,
     ExposureParams,
@@ -21,9 +22,18 @@ from aw4d.params import (
     NightGradeParams,
     OvercastSkyParams,
     Params,
+    PuddlesParams,
+    RainParams,
+    RainStreaksParams,
+    ReflectionsParams,
+    RipplesParams,
+    SnowCoverParams,
+    SnowFallParams,
+    SnowParams,
     SpotLightsParams,
     StreetLampParams,
     VehicleLightParams,
+    WetGroundParams,
 )
 
 
@@ -39,50 +49,105 @@ class Settings:
     lights: LightParams = field(default_factory=LightParams)
     night_grade: NightGradeParams = field(default_factory=NightGradeParams)
     overcast_sky: OvercastSkyParams = field(default_factory=OvercastSkyParams)
+    puddles: PuddlesParams = field(default_factory=PuddlesParams)
+    rain: RainParams = field(default_factory=RainParams)
+    rain_streaks: RainStreaksParams = field(default_factory=RainStreaksParams)
+    reflections: ReflectionsParams = field(default_factory=ReflectionsParams)
+    ripples: RipplesParams = field(default_factory=RipplesParams)
+    snow: SnowParams = field(default_factory=SnowParams)
+    snow_cover: SnowCoverParams = field(default_factory=SnowCoverParams)
+    snow_fall: SnowFallParams = field(default_factory=SnowFallParams)
     spot_lights: SpotLightsParams = field(default_factory=SpotLightsParams)
     street_lamps: StreetLampParams = field(default_factory=StreetLampParams)
     vehicle_lights: VehicleLightParams = field(default_factory=VehicleLightParams)
+    wet_ground: WetGroundParams = field(default_factory=WetGroundParams)
 
 
 GROUPS: dict[str, type[Params]] = typing.get_type_hints(Settings)
 
 
+# The order in which passes run: the ground is made, then lit, then looked at through what falls and hangs in the air.
+ORDER = (
+    "snow_cover",
+    "wet_ground",
+    "puddles",
+    "ripples",
+    "ambient",
+    "overcast_sky",
+    # The night's grading is for what no lamp lights (paper, "Nocturnal Local Relighting"): lamps keep their colour.
+    "night_grade",
+    "spot_lights",
+    "harmonize",
+    "reflections",
+    "fog",
+    "snow_fall",
+    "rain_streaks",
+)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Weather:
-    """A named weather: what it is for people, its passes in order, and what it sets other than the defaults."""
+    """A named weather.
 
-    about: str
-    passes: tuple[str, ...]
-    sets: tuple[str, ...]
+    Parameters
+    ----------
+    passes
+        What it is made of, but for its light.
+    sets
+        What it sets other than the defaults.
+    light, light_sets
+        The passes of the light that belongs to it, and what they are set to. Of a combination only one weather's
+        light counts: that of the hour, if one is named, else that of the first.
+    hour
+        Whether it is a time of the day.
+    """
+
+    passes: tuple[str, ...] = ()
+    sets: tuple[str, ...] = ()
+    light: tuple[str, ...] = ("ambient", "spot_lights", "harmonize")
+    light_sets: tuple[str, ...]
+    hour: bool = False
 
 
-_RELIT = ("ambient", "spot_lights", "harmonize")
-_BY_DAY = ("headlights.on=off", "lights.street=off", "lights.vehicles=off")
+_CLOUDS = ("ambient", "overcast_sky", "spot_lights", "harmonize")
+_CLEAR_AIR = "fog.visibility_m=20000"  # between the drops
 
 WEATHERS: dict[str, Weather] = {
+    "snow": Weather(
+        passes=("snow_cover", "wet_ground", "fog", "snow_fall"),
+        sets=(_CLEAR_AIR,),
+        light=_CLOUDS,
+        light_sets=("ambient.preset=overcast", "lights.street=off"),
+    ),
+    "rain": Weather(
+        passes=("wet_ground", "puddles", "ripples", "reflections", "fog", "rain_streaks"),
+        sets=(_CLEAR_AIR,),
+        light=_CLOUDS,
+        light_sets=("ambient.preset=overcast", "ambient.illuminance_lux=4000", "lights.street=off"),
+    ),
+    # Dense fog in deep dusk, headlights on.
     "fog": Weather(
-        about="dense fog in deep dusk, headlights on",
-        passes=(*_RELIT, "fog"),
-        sets=("ambient.preset=overcast", "ambient.illuminance_lux=79", "exposure.white_cd_m2=25"),
+        passes=("fog",),
+        sets=(f"fog.visibility_m={DEFAULT_VISIBILITY_M:g}",),
+        light_sets=("ambient.preset=overcast", "ambient.illuminance_lux=79", "exposure.white_cd_m2=25"),
     ),
     "overcast": Weather(
-        about="a grey day without shadows",
-        passes=("ambient", "overcast_sky", "spot_lights", "harmonize"),
-        sets=("ambient.preset=overcast", *_BY_DAY),
+        light=_CLOUDS,
+        light_sets=("ambient.preset=overcast", "headlights.on=off", "lights.street=off", "lights.vehicles=off"),
     ),
+    # Just before sunrise.
     "dawn": Weather(
-        about="just before sunrise",
-        passes=_RELIT,
-        sets=("ambient.preset=dawn", "ambient.sun_altitude_deg=-1", "exposure.ev=-1"),
+        light_sets=("ambient.preset=dawn", "ambient.sun_altitude_deg=-1", "exposure.ev=-1"),
+        hour=True,
     ),
-    "dusk": Weather(about="the blue hour, lights on", passes=_RELIT, sets=("ambient.preset=blue_hour",)),
+    "dusk": Weather(light_sets=("ambient.preset=blue_hour",), hour=True),
     "night": Weather(
-        about="midnight: lamps, headlights, a faint sky",
-        # The night's grading is for what no lamp lights (paper, "Nocturnal Local Relighting"): lamps keep their colour.
-        passes=("ambient", "night_grade", "spot_lights", "harmonize"),
-        sets=("ambient.preset=midnight",),
+        light=("ambient", "night_grade", "spot_lights", "harmonize"),
+        light_sets=("ambient.preset=midnight",),
+        hour=True,
     ),
 }
+JOIN = "+"  # between the weathers of a combination
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
@@ -92,17 +157,42 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return (f"; did you mean {close[0]}?" if close else "") + f" (known: {', '.join(names)})"
 
 
-def find(name: str) -> Weather:
-    """A weather by name.
+def parts(name: str) -> list[str]:
+    """The weathers that a name or a combination, "rain+night", names, in the order of the table.
 
     Raises
     ------
     InputError
-        There is none of that name; the message suggests the nearest.
+        One is unknown (the nearest is suggested) or named twice, or two are times of the day.
     """
-    if name not in WEATHERS:
-        raise InputError(f"--weather: expected a known weather, got {name!r}{nearest(name, WEATHERS)}")
-    return WEATHERS[name]
+    named = [part.strip() for part in name.split(JOIN)]
+    for part in named:
+        if part not in WEATHERS:
+            raise InputError(f"--weather: expected a known weather, got {part!r}{nearest(part, WEATHERS)}")
+        if named.count(part) > 1:
+            raise InputError(f"--weather: expected every weather once, got {part!r} {named.count(part)} times")
+    if len(hours := [part for part in named if WEATHERS[part].hour]) > 1:
+        raise InputError(f"--weather: expected one time of the day, got {' and '.join(hours)}")
+    return [part for part in WEATHERS if part in named]
+
+
+def find(name: str) -> Weather:
+    """A weather by name, or a combination as one weather; whatever the order in which its parts are named.
+
+    Raises
+    ------
+    InputError
+        See `parts`.
+    """
+    together = [WEATHERS[part] for part in parts(name)]
+    lit_by = next((weather for weather in together if weather.hour), together[0])
+    passes = {*lit_by.light, *(name for weather in together for name in weather.passes)}
+    return Weather(
+        passes=tuple(name for name in ORDER if name in passes),
+        sets=(*lit_by.light_sets, *(text for weather in together for text in weather.sets)),
+        light=lit_by.light,
+        light_sets=lit_by.light_sets,
+    )
 
 
 def _switch(text: str) -> bool:
@@ -118,6 +208,7 @@ _READERS: dict[Any, tuple[Callable[[str], Any], str]] = {
     float: (float, "a number"),
     float | None: (float, "a number"),
     int: (int, "an integer"),
+    int | None: (int, "an integer"),
     bool: (_switch, "on or off"),
     RGB: (_rgb, "three numbers R,G,B"),
     RGB | None: (_rgb, "three numbers R,G,B"),
@@ -141,6 +232,27 @@ def _assignment(text: str) -> tuple[str, str, Any]:
         raise InputError(f"--set {key}: expected {expected}, got {value!r}") from None
 
 
+# Groups that stand for a whole weather: what they imply for the passes counts where those are not given.
+_AMOUNTS: dict[str, type[RainParams] | type[SnowParams]] = {"snow": SnowParams, "rain": RainParams}
+# Fields that say the same thing: one that is given puts the weather's own other one out of force.
+_RIVALS = {("fog", "sigma_s"): "visibility_m"}
+
+
+def _assigned(assignments: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Values by group and field; of several for one field the last counts."""
+    out: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
+    for group, name, value in map(_assignment, assignments):
+        out[group][name] = value
+    return out
+
+
+def _made(group: str, given: dict[str, Any]) -> Any:
+    try:
+        return GROUPS[group](**given)
+    except InputError as error:
+        raise InputError(f"--set {group}.{error}") from None
+
+
 def settings(weather: str, assignments: Sequence[str] = ()) -> Settings:
     """All parameters of a weather, with `group.field=value` assignments over its own.
 
@@ -149,14 +261,16 @@ def settings(weather: str, assignments: Sequence[str] = ()) -> Settings:
     InputError
         The weather or a key is unknown (the nearest is suggested), or a value cannot be read or is out of range.
     """
-    given: dict[str, dict[str, Any]] = {group: {} for group in GROUPS}
-    for text in (*find(weather).sets, *assignments):
-        group, name, value = _assignment(text)
-        given[group][name] = value
-    made: dict[str, Any] = {}
-    for group, params in GROUPS.items():
-        try:
-            made[group] = params(**given[group])
-        except InputError as error:
-            raise InputError(f"--set {group}.{error}") from None
+    preset, given = _assigned(find(weather).sets), _assigned(assignments)
+    for (group, name), rival in _RIVALS.items():
+        if name in given[group]:
+            preset[group].pop(rival, None)
+    amounts = {group: _made(group, given[group]) for group in _AMOUNTS}
+    implied = [amounts[group].implied() for group in _AMOUNTS if group in parts(weather)]
+    made = {}
+    for group in GROUPS:
+        values: dict[str, Any] = {}
+        for source in (*(i.get(group, {}) for i in implied), preset[group], given[group]):
+            values |= source
+        made[group] = _made(group, values)
     return Settings(**made)

@@ -71,6 +71,7 @@ static inline floatw reflected_again(const floatw F0, const floatw A, const floa
 
 __kernel void ambient(
     __global float *restrict rgb,                       /* scene-linear */
+    __global float *restrict occlusion,
     __global const float *restrict ambient_depth,       /* [m] NOTHING in the sky */
     __global const float *restrict ambient_quad,
     __global const float *restrict normal,
@@ -80,7 +81,6 @@ __kernel void ambient(
 #ifdef LAYERS
     __global float *restrict ambient,
     __global float *restrict shadow,
-    __global float *restrict occlusion,
 #endif
     const int width, const int height,                  /* [px] */
     const int pitch,                                    /* [px] row length, a multiple of W */
@@ -123,19 +123,17 @@ __kernel void ambient(
             ambient_depth, nx, ny, nz, z, kx, ky, u0, v, width, height, pitch, fx, fy, occlusion_radius_m,
             occlusion_slices, occlusion_steps);
 
-        const Corner at = lobe_corner(s.NoV, rough, env_brdf_size);
-        const Quad A = bilinear(env_brdf, at, 2, 0), B = bilinear(env_brdf, at, 2, 1); /* share, turn, roughness */
         floatw X, Y, Z, Nx, Ny, Nz;
         to_world(env_rotation, nx, ny, nz, &Nx, &Ny, &Nz);
         const floatw twice = 2.0f * s.NoV;
         to_world(env_rotation, fma(twice, nx, kx * inv), fma(twice, ny, ky * inv), fma(twice, nz, inv), &X, &Y, &Z);
-        const Quad a = prefiltered(
-            env_specular, env_levels, env_size, fma(A.y, Nx - X, X), fma(A.y, Ny - Y, Y), fma(A.y, Nz - Z, Z), A.z);
-        const Quad b_ = prefiltered(
-            env_specular, env_levels, env_size, fma(B.y, Nx - X, X), fma(B.y, Ny - Y, Y), fma(B.y, Nz - Z, Z), B.z);
+        const Corner at = lobe_corner(s.NoV, rough, env_brdf_size);
+        const Quad A = reflection(
+            env_brdf, at, 0, LOBES_F0, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
+        const Quad B = reflection(
+            env_brdf, at, LOBES_F0, LOBES, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
         const Quad E_sky = bilinear(env_irradiance, octahedral(Nx, Ny, Nz, env_size), 1, 0);
         const floatw shine = specular_occlusion(s.NoV, open, rough), gain = open * M_1_PI_F;
-        const floatw share_A = A.x * shine, share_B = B.x * shine;
         const floatw cr = clamp(LOADW(albedo + i), 0.0f, 1.0f);
         const floatw cg = clamp(LOADW(albedo + i + plane), 0.0f, 1.0f);
         const floatw cb = clamp(LOADW(albedo + i + 2 * plane), 0.0f, 1.0f);
@@ -143,14 +141,14 @@ __kernel void ambient(
         const floatw fg = fma(cg - DIELECTRIC_F0, metal, DIELECTRIC_F0);
         const floatw fb = fma(cb - DIELECTRIC_F0, metal, DIELECTRIC_F0);
         /* A half metal is a mixture of a metal and a dielectric, of which each keeps its energy. */
-        const floatw again = reflected_again(DIELECTRIC_F0, A.x, B.x);
-        const floatw inside = 1.0f - fma(DIELECTRIC_F0, A.x, B.x) - again;
-        const floatw dr = fma(1.0f - metal, fma(cr, inside, again), metal * reflected_again(cr, A.x, B.x));
-        const floatw dg = fma(1.0f - metal, fma(cg, inside, again), metal * reflected_again(cg, A.x, B.x));
-        const floatw db = fma(1.0f - metal, fma(cb, inside, again), metal * reflected_again(cb, A.x, B.x));
-        r = fma(dr * gain, E_sky.x, fma(fr * share_A, a.x, share_B * b_.x));
-        g = fma(dg * gain, E_sky.y, fma(fg * share_A, a.y, share_B * b_.y));
-        b = fma(db * gain, E_sky.z, fma(fb * share_A, a.z, share_B * b_.z));
+        const floatw again = reflected_again(DIELECTRIC_F0, A.w, B.w);
+        const floatw inside = 1.0f - fma(DIELECTRIC_F0, A.w, B.w) - again;
+        const floatw dr = fma(1.0f - metal, fma(cr, inside, again), metal * reflected_again(cr, A.w, B.w));
+        const floatw dg = fma(1.0f - metal, fma(cg, inside, again), metal * reflected_again(cg, A.w, B.w));
+        const floatw db = fma(1.0f - metal, fma(cb, inside, again), metal * reflected_again(cb, A.w, B.w));
+        r = fma(dr * gain, E_sky.x, shine * fma(fr, A.x, B.x));
+        g = fma(dg * gain, E_sky.y, shine * fma(fg, A.y, B.y));
+        b = fma(db * gain, E_sky.z, shine * fma(fb, A.z, B.z));
 
         if (sun_on) {
             const float3 L = vload3(0, sun_direction), E = vload3(0, sun_irradiance);
@@ -182,11 +180,11 @@ __kernel void ambient(
     STOREW(r, rgb + i);
     STOREW(g, rgb + i + plane);
     STOREW(b, rgb + i + 2 * plane);
+    STOREW(open, occlusion + i);
 #ifdef LAYERS
     STOREW(r, ambient + i);
     STOREW(g, ambient + i + plane);
     STOREW(b, ambient + i + 2 * plane);
     STOREW(lit, shadow + i);
-    STOREW(open, occlusion + i);
 #endif
 }

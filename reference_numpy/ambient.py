@@ -1,11 +1,12 @@
 """Light of the surroundings on the surfaces: sky and ground, their reflection, and the sun. Paper, "Environment".
 
-    L = (d + m) E / pi * occlusion + (F0 A L_A + B L_B) * specular occlusion + f_r NoL E_sun * shadow
+    L = (d + m) E / pi * occlusion + (F0 L_A + L_B) * specular occlusion + f_r NoL E_sun * shadow
 
-E is the irradiance of the surroundings on the surface; L_A and L_B the mean radiance that the two parts of Schlick's
-Fresnel term see (the split sum, Karis 2013, with a lobe of its own for each part); A and B their shares. What the
-surface reflects more than once, m, and what is left for the pigment, d, follow from A and B (Fdez-Aguera 2019), so that
-a white surface in a white surrounding reflects exactly what it gets. The sky shows the surroundings themselves.
+E is the irradiance of the surroundings on the surface; L_A and L_B their light by the two parts of Schlick's Fresnel
+term (a split sum, Karis 2013, over round lobes of `environment.lobes`), A and B the same in white surroundings of 1.
+What the surface reflects more than once, m, and what is left for the pigment, d, follow from A and B (Fdez-Aguera
+2019), so that a white surface in a white surrounding reflects exactly what it gets. The sky shows the surroundings
+themselves.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_numpy.brdf import DIELECTRIC_F0, MIN_NOV, brdf
-from reference_numpy.environment import lobes, lookup, prefiltered
+from reference_numpy.environment import PARTS, lobes, lookup, reflection
 from reference_numpy.occlusion import ambient_occlusion
 from reference_numpy.sampling import rays
 from reference_numpy.shadow import sun_shadow
@@ -71,7 +72,7 @@ def ambient(
     env_specular
         (L, N, N, 4) prefiltered radiance by roughness and direction.
     env_brdf
-        (M, M, 8) the split sum's shares and lobes.
+        (M, M, LOBES, 4) the lobes that stand for the reflection's; see `environment.lobes`.
     env_backdrop
         (B, B, 4) radiance by direction, for the sky.
     sun_direction, sun_irradiance
@@ -154,20 +155,17 @@ def reflected(
     """Radiance that surfaces, (N,) of them, send back of what surrounds them, without the sun, (N, 3)."""
     NoV = np.clip(np.einsum("...c,...c->...", normal, view), MIN_NOV, 1.0)
     mirror = 2 * NoV[:, None] * normal - view
-    A, turn_A, rough_A, B, turn_B, rough_B = lobes(env_brdf, NoV, roughness)
     E = lookup(env_irradiance, normal @ env_rotation.T)
-
-    def seen(turn: Array, rough: Array) -> Array:
-        d = mirror + turn[:, None] * (normal - mirror)
-        return prefiltered(env_specular, d @ env_rotation.T, rough)
-
+    found = lobes(env_brdf, NoV, roughness)
+    to_world = {"mirror": mirror @ env_rotation.T, "normal": normal @ env_rotation.T}
+    L_A, L_B = (reflection(env_specular, found[..., part, :], **to_world) for part in PARTS)
+    A, B = (found[..., part, 0].sum(axis=-1)[..., None] for part in PARTS)
     F0 = DIELECTRIC_F0 + (albedo - DIELECTRIC_F0) * metallic[:, None]
-    A, B = A[:, None], B[:, None]
     # A half metal is a mixture of a metal and a dielectric, of which each keeps its energy.
     metal, again = metallic[:, None], _reflected_again(np.array(DIELECTRIC_F0), A, B)
     inside = 1 - (DIELECTRIC_F0 * A + B) - again
     diffuse = (1 - metal) * (albedo * inside + again) + metal * _reflected_again(albedo, A, B)
-    specular = F0 * A * seen(turn_A, rough_A) + B * seen(turn_B, rough_B)
+    specular = F0 * L_A + L_B
     open_ = specular_occlusion(NoV, occlusion, roughness)[:, None]
     return diffuse * E * (occlusion[:, None] / np.pi) + specular * open_
 

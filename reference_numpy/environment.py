@@ -13,6 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+LOBES = 4  # round ones, for the two parts of Schlick's Fresnel term F0 (1 - x) + x
+PARTS = (slice(0, 3), slice(3, 4))  # of the part with F0, long at a slant: three, side by side; of the other: one
+
 
 def octahedral(d: Array) -> tuple[Array, Array]:
     """Place of directions (..., 3) on the square, both coordinates in [-1, 1]; any length but 0."""
@@ -76,14 +79,23 @@ def prefiltered(table: Array, d: Array, roughness: Array) -> Array:
     return near + f[..., None] * (far - near)
 
 
-def lobes(table: Array, NoV: Array, roughness: Array) -> tuple[Array, ...]:
-    """Shares of the two parts of Schlick's Fresnel term F0 (1 - x) + x, and the lobe that each sees, (...,) each.
+def lobes(table: Array, NoV: Array, roughness: Array) -> Array:
+    """The round lobes that stand for the reflection's, (..., LOBES, 3): share, turn and roughness of each.
 
-    Table (M, M, 8): rows for roughness 0 to 1, columns for sqrt(NoV) 0 to 1, in equal steps. Its channels, for the part
-    with F0, then for the other: the share of white surroundings' light that is reflected (A and B of Karis 2013), how
-    far the lobe's mean direction is turned from the mirror direction (0) to the normal (1), the roughness of the table
-    in `prefiltered` that is as wide, and one that is not used.
+    Table (M, M, LOBES, 4): rows for roughness 0 to 1, columns for sqrt(NoV) 0 to 1, in equal steps. Its channels: the
+    share of white surroundings' light that is reflected (all of a part's are A or B of Karis 2013), how far the lobe is
+    turned from the mirror direction (0) to the normal (1) and beyond, the roughness of the table in `prefiltered` that
+    is as wide, and one that is not used. `PARTS` says which lobes stand for which part of Schlick's Fresnel term.
     """
     last = table.shape[0] - 1
-    found = bilinear(table, np.sqrt(NoV) * last, roughness * last)
-    return tuple(found[..., i] for i in (0, 1, 2, 4, 5, 6))
+    found = bilinear(table.reshape(*table.shape[:2], -1), np.sqrt(NoV) * last, roughness * last)
+    return found.reshape(*found.shape[:-1], LOBES, 4)[..., :3]
+
+
+def reflection(table: Array, part: Array, mirror: Array, normal: Array) -> Array:
+    """Light of lobes (..., K, 3) that stand for a part, (..., 3), of levels for `prefiltered`; directions (..., 3)."""
+    light = np.zeros(mirror.shape)
+    for share, turn, roughness in (np.moveaxis(part[..., k, :], -1, 0) for k in range(part.shape[-2])):
+        d = mirror + turn[..., None] * (normal - mirror)
+        light += share[..., None] * prefiltered(table, d, roughness)
+    return light

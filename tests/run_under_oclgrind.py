@@ -11,10 +11,11 @@ from aw4d import opencl
 from aw4d.backend_opencl import OpenCLBackend
 from aw4d.environment import arrays, environment
 from aw4d.lights.light import in_camera
-from aw4d.params import AmbientParams, FogParams, SpotLightsParams
+from aw4d.params import AmbientParams, FogParams, ReflectionsParams, SnowCoverParams, SpotLightsParams
 from aw4d.passes import PASSES
 from aw4d.scene import Scene
-from tests import grade_inputs, lit_inputs
+from aw4d.world import anchor
+from tests import cover_inputs, falling_inputs, grade_inputs, ground_inputs, lit_inputs
 from tests.fog_inputs import all_kinds, frame, on, street_lamps
 
 SIZES = ((37, 13), (16, 2), (1, 1))  # width, height [px]
@@ -105,6 +106,71 @@ def ambient(preset: str) -> None:
                     assert np.isfinite(values).all(), name
 
 
+def snow_cover(convention: str) -> None:
+    """Snow that lies, with layers and without, between vehicles and ruts, at every width and odd sizes."""
+    p = SnowCoverParams(convention=convention, displacement=True)  # type: ignore[arg-type]
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source = cover_inputs.frame(columns, rows)
+            held = cover_inputs.scene(cover_inputs.driving(source=source), 0, p)
+            for layers in (True, False):
+                for name, values in cover_inputs.on(backend, source, held, p, layers=layers).items():
+                    assert np.isfinite(values).all(), name
+
+
+def ground(name: str) -> None:
+    """Water on the ground, in both conventions, with layers and without, at every width and odd sizes."""
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source = ground_inputs.frame(columns, rows)
+            water = np.where(source["road"], 0.7, 0).astype(np.float32)
+            working = {"puddle": water} if "puddle" in PASSES[name].reads else {}
+            for convention, layers in (("physical", True), ("paper", False)):
+                p = PASSES[name].params(convention=convention)
+                for key, values in ground_inputs.run(backend, name, source, p, layers=layers, **working).items():
+                    assert np.isfinite(values).all(), key
+
+
+def falling(name: str) -> None:
+    """What falls, in both conventions, with layers and without, none and more than a word holds, at every width."""
+    amount = "drops" if name == "rain_streaks" else "flakes"
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            info = falling_inputs.clip(columns, rows)
+            source = falling_inputs.frame(info)
+            for convention, layers, count in (("physical", True, 90), ("paper", False, 300), ("physical", False, 0)):
+                p = PASSES[name].params(convention=convention, **{amount: count})
+                where = falling_inputs.scene(info, p, lights=all_kinds())
+                for key, values in falling_inputs.on(backend, source, where, p, layers=layers).items():
+                    assert np.isfinite(values).all(), key
+
+
+def reflections(case: str) -> None:
+    """Wet ground, with the layer and without, at every width and odd sizes."""
+    around = environment(AmbientParams())
+    p = ReflectionsParams(steps=6)
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source = lit_inputs.frame(columns, rows, rgb=np.ones((rows, columns, 3), np.float32))
+            normal = np.broadcast_to(np.float32([0, -1, 0]), (rows, columns, 3))
+            source = source.with_plane("normal", np.ascontiguousarray(normal))
+            tables = arrays(around, source.camera, 1_000.0).arguments()
+            world = anchor(source.camera, 0.0)
+            scene = Scene(lights=in_camera([], source.camera), environment=tables, world=world)
+            for layers in ((), PASSES["reflections"].layers):
+                planes = backend.upload(source, scene, [*layers])
+                ones = np.full((rows, planes.pitch), float(case == "wet"), np.float32)
+                for name in ("puddle", "wetness", "occlusion"):
+                    planes.buffers[name] = backend._to_device(name, ones)
+                backend.run("reflections", planes, p)
+                for name, values in backend.download(planes, ["rgb", *layers]).items():
+                    assert np.isfinite(values).all(), name
+
+
 def faulty(name: str) -> None:
     """A kernel with a fault, which must be reported."""
     cl = opencl.load()
@@ -118,6 +184,16 @@ def faulty(name: str) -> None:
 
 
 if __name__ == "__main__":
-    known = {"fog": fog, "grade": grade, "spot_lights": spot_lights, "ambient": ambient, "faulty": faulty}
+    known = {
+        "fog": fog,
+        "grade": grade,
+        "spot_lights": spot_lights,
+        "ambient": ambient,
+        "snow_cover": snow_cover,
+        "ground": ground,
+        "falling": falling,
+        "faulty": faulty,
+        "reflections": reflections,
+    }
     run, case = known[sys.argv[1]], sys.argv[2]
     run(case)

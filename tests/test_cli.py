@@ -18,11 +18,12 @@ import pytest
 
 from aw4d import __version__
 from aw4d.cli import main
+from aw4d.clip import Clip
 from aw4d.ingest import ingest_street
 from aw4d.io.images import read_exr, read_png
 from aw4d.io.video import read_video
 from aw4d.passes import PASSES
-from aw4d.weathers import GROUPS, WEATHERS
+from aw4d.weathers import GROUPS, WEATHERS, find
 
 ROOT = Path(__file__).resolve().parent.parent
 FRAMES, WIDTH, HEIGHT = 3, 64, 36
@@ -249,7 +250,7 @@ def test_the_sidecar_holds_everything(run: Run, street: Path, tmp_path: Path, na
     assert content["settings"]["fog"]["color"] is not None
     assert content["lights"] == []
     assert content["frames"] == [1, 2]
-    assert content["passes"] == list(WEATHERS["fog"].passes)
+    assert content["passes"] == list(find("fog").passes)
     assert content["white_cd_m2"] == 25
     assert content["weather"] == "fog"
     assert content["aw4d"] == __version__
@@ -261,7 +262,7 @@ def test_a_pass_that_would_change_nothing_is_skipped(run: Run, street: Path, tmp
     out = tmp_path / "out"
     assert _edit(run, street, out, "--set", "fog.sigma_s=0", "--frames", ":1").code == 0
     content = _strict((tmp_path / "out.json").read_text())
-    assert content["passes"] == [name for name in WEATHERS["fog"].passes if name != "fog"]
+    assert content["passes"] == [name for name in find("fog").passes if name != "fog"]
     assert list(content["skipped"]) == ["fog"]
     clear = tmp_path / "clear"
     assert _edit(run, street, clear, "--set", "fog.visibility_m=1e9", "--frames", ":1").code == 0
@@ -308,6 +309,21 @@ def test_the_layers_add_up_to_the_picture(run: Run, street: Path, tmp_path: Path
         assert np.allclose(total, _exr(tmp_path / "out" / name), rtol=1e-5, atol=1e-7)
 
 
+def test_labels_and_boxes_pass_through_unchanged(run: Run, street: Path, tmp_path: Path) -> None:
+    words = ["--layers", tmp_path / "layers", "--frames", "1:2"]
+    assert _edit(run, street, tmp_path / "out", *words).code == 0
+    clip = Clip(street)
+    source = clip.frame(1)
+    for name in ("sky", "road", "vehicle"):
+        codes = read_png(tmp_path / "layers" / name / "000001.png")
+        assert np.array_equal(codes, source[name].astype(np.int64) * (255 if source[name].dtype == np.bool_ else 1))
+    for name in ("depth", "edited_depth"):  # there is nothing in the air
+        assert np.array_equal(_exr(tmp_path / "layers" / name / "000001.exr"), source["depth"])
+    boxes = json.loads((tmp_path / "layers" / "boxes.json").read_text())
+    assert boxes == {"1": [box.to_json() for box in clip.info.boxes[1]]}
+    assert boxes["1"]
+
+
 # ---- the other commands ------------------------------------------------------------------------------------------
 
 
@@ -324,7 +340,7 @@ def test_compare_is_strict_json_and_within_the_bar(run: Run, street: Path, openc
     done = run("--quiet", "compare", street, "-w", "fog", "--set", "lights.street=off", "--json")
     assert done.code == 0
     content = _strict(done.out)
-    written = {plane for name in WEATHERS["fog"].passes for plane in (*PASSES[name].writes, *PASSES[name].layers)}
+    written = {plane for name in find("fog").passes for plane in (*PASSES[name].writes, *PASSES[name].layers)}
     assert {row["plane"] for row in content["rows"]} == written
     assert all(row["within"] for row in content["rows"])
 

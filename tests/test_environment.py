@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from aw4d.camera import Camera
 from aw4d.environment import Environment, arrays, environment
-from aw4d.environment.latlong import LUMINANCE, directions, sample, solid_angles, towards
+from aw4d.environment.latlong import directions, sample, solid_angles, towards
 from aw4d.errors import InputError
 from aw4d.params import AmbientParams
 from reference_numpy.brdf import V_SmithGGXCorrelated, alpha_of
-from reference_numpy.environment import lobes, lookup, octahedral, octahedral_direction, prefiltered
+from reference_numpy.environment import PARTS, lobes, lookup, octahedral, octahedral_direction, reflection
+from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
+RECORDED = ("city", "dawn", "night", "sky", "sunset")
 PRESETS = ("noon", "golden_hour", "dawn", "blue_hour", "overcast", "midnight")
 SIDE = 256  # of the stratified samples, squared
 
@@ -138,44 +140,54 @@ def microfacets(view: Array, alpha: float, rng: np.random.Generator) -> tuple[Ar
     return to_light, np.where(to_light[:, 2] > 0, G2 / G1, 0.0)
 
 
+def ratios_to_monte_carlo(around: Environment, NoV: float, roughness: float) -> Array:
+    """Light of a mirror of F0 = 1 over its integral: of a level floor and of a wall, each seen in four ways."""
+    t, rng = tables(around), np.random.default_rng(2)
+    found = lobes(t["env_brdf"], np.array([NoV]), np.array([roughness]))
+    side, ratios = np.sqrt(1 - NoV**2), []
+    for n, turn in product((np.array([0, 1.0, 0]), np.array([0.6, 0, 0.8])), (0.3, 1.9, 3.4, 5.2)):
+        frame, view = basis(n), np.array([side * np.cos(turn), side * np.sin(turn), NoV])
+        to_light, weight = microfacets(view, float(alpha_of(roughness)), rng)
+        truth = (sample(around.radiance, to_light @ frame) * weight[:, None]).mean(axis=0) @ LUMINANCE
+        mirror = (2 * NoV * n - view @ frame)[None]
+        light = sum(reflection(t["env_specular"], found[:, part], mirror, n) for part in PARTS)
+        ratios.append(float(light[0] @ LUMINANCE) / truth)
+    return np.array(ratios)
+
+
+@pytest.mark.parametrize("roughness", [0.15, 0.4, 0.7])
+@pytest.mark.parametrize("NoV", [0.3, 0.6, 0.95])
+@pytest.mark.parametrize("preset", PRESETS)
+def test_specular_is_the_monte_carlo_integral(preset: str, NoV: float, roughness: float) -> None:
+    """Within 5 % in the mean of eight ways to look, within 15 % in each."""
+    ratios = ratios_to_monte_carlo(environment(AmbientParams(preset=preset)), NoV, roughness)  # type: ignore[arg-type]
+    assert np.mean(ratios) == pytest.approx(1, abs=0.05)
+    assert ratios == pytest.approx(1, abs=0.15)
+
+
+# Of a glow on the horizon that a dark ground borders, what round lobes lose below the horizon is too much.
+GLOW = [("dawn", 0.3, 0.7), ("dawn", 0.6, 0.7)]
+
+
 @pytest.mark.parametrize(
-    ("preset", "NoV", "roughness"),
+    ("name", "NoV", "roughness"),
     [
-        pytest.param(*case, marks=pytest.mark.xfail(reason="-5.9 %, docs/ambient.md", strict=True))
-        if case == ("dawn", 0.3, 0.4)
+        pytest.param(*case, marks=pytest.mark.xfail(reason="-6 %, docs/ambient.md", strict=True))
+        if case in GLOW
         else case
-        for case in product(PRESETS, (0.3, 0.6, 0.95), (0.15, 0.4, 0.7))
+        for case in product(RECORDED, (0.3, 0.6, 0.95), (0.15, 0.4, 0.7))
     ],
 )
-def test_specular_is_the_monte_carlo_integral(preset: str, roughness: float, NoV: float) -> None:
-    """A mirror of F0 = 1 on a level floor and on a wall: within 5 % in the mean of eight ways to look at it.
-
-    The split sum's lobe is round, the true one at a slant is not: single directions are off by more (docs/ambient.md).
-    """
-    around = environment(AmbientParams(preset=preset))  # type: ignore[arg-type]
-    t, rng = tables(around), np.random.default_rng(2)
-    ratios = []
-    for n in (np.array([0, 1.0, 0]), np.array([0.6, 0, 0.8])):
-        frame = basis(n)
-        for turn in (0.3, 1.9, 3.4, 5.2):
-            side = np.sqrt(1 - NoV**2)
-            view = np.array([side * np.cos(turn), side * np.sin(turn), NoV])
-            to_light, weight = microfacets(view, float(alpha_of(roughness)), rng)
-            truth = (sample(around.radiance, to_light @ frame) * weight[:, None]).mean(axis=0) @ LUMINANCE
-            A, turn_A, rough_A, B, turn_B, rough_B = lobes(t["env_brdf"], np.array([NoV]), np.array([roughness]))
-            mirror = 2 * NoV * n - view @ frame
-
-            def seen(turned: Array, rough: Array, mirror: Array = mirror, n: Array = n) -> float:
-                d = mirror + turned[:, None] * (n - mirror)
-                return float(prefiltered(t["env_specular"], d, rough)[0] @ LUMINANCE)
-
-            found = float(A[0]) * seen(turn_A, rough_A) + float(B[0]) * seen(turn_B, rough_B)
-            ratios.append(found / truth)
+def test_specular_of_recorded_maps(test_data: Path, name: str, NoV: float, roughness: float) -> None:
+    """Within 5 % in the mean of eight ways to look; a lamp beside the mirror direction is off by up to a quarter."""
+    around = environment(AmbientParams(map=str(test_data / "hdri_cc0" / f"{name}.hdr")))
+    ratios = ratios_to_monte_carlo(around, NoV, roughness)
     assert np.mean(ratios) == pytest.approx(1, abs=0.05)
+    assert ratios == pytest.approx(1, abs=0.25)
 
 
 def test_a_white_mirror_in_white_surroundings_loses_only_what_is_reflected_twice() -> None:
     rough, NoV = (a.ravel() for a in np.meshgrid(np.linspace(0.05, 1, 20), np.linspace(0.05, 1, 20)))
-    A, _, _, B, _, _ = lobes(tables(environment(AmbientParams()))["env_brdf"], NoV, rough)
-    assert (A + B <= 1 + 1e-3).all()
-    assert (A + B > 0.3).all()
+    share = lobes(tables(environment(AmbientParams()))["env_brdf"], NoV, rough)[..., 0].sum(axis=-1)
+    assert (share <= 1 + 1e-3).all()
+    assert (share > 0.3).all()

@@ -50,9 +50,29 @@ def test_ambient(oclgrind: str, tmp_path: Path, preset: str) -> None:
     assert _findings(oclgrind, tmp_path / "log", "ambient", preset) == ""
 
 
+@pytest.mark.parametrize("convention", ["physical", "paper"])
+def test_snow_cover(oclgrind: str, tmp_path: Path, convention: str) -> None:
+    assert _findings(oclgrind, tmp_path / "log", "snow_cover", convention) == ""
+
+
+@pytest.mark.parametrize("case", ["wet", "dry"])
+def test_reflections(oclgrind: str, tmp_path: Path, case: str) -> None:
+    assert _findings(oclgrind, tmp_path / "log", "reflections", case) == ""
+
+
 @pytest.mark.parametrize("name", ["night_grade", "overcast_sky", "harmonize"])
 def test_grade(oclgrind: str, tmp_path: Path, name: str) -> None:
     assert _findings(oclgrind, tmp_path / "log", "grade", name) == ""
+
+
+@pytest.mark.parametrize("name", ["rain_streaks", "snow_fall"])
+def test_falling(oclgrind: str, tmp_path: Path, name: str) -> None:
+    assert _findings(oclgrind, tmp_path / "log", "falling", name) == ""
+
+
+@pytest.mark.parametrize("name", ["wet_ground", "puddles", "ripples"])
+def test_ground(oclgrind: str, tmp_path: Path, name: str) -> None:
+    assert _findings(oclgrind, tmp_path / "log", "ground", name) == ""
 
 
 @pytest.mark.parametrize(

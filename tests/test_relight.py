@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from pathlib import Path
 
@@ -16,11 +17,11 @@ from aw4d.ingest import ingest_street
 from aw4d.io.images import write_png
 from aw4d.lighting import metered_white
 from aw4d.params import ExposureParams
-from aw4d.pipeline import LIGHT_LAYER, each_light, plan, prepare, render
+from aw4d.pipeline import LIGHT_LAYER, Plan, each_light, plan, prepare, render
 from aw4d.render import EACH_LIGHT, edit, with_clip_exposure
+from reference_numpy.srgb import LUMINANCE
 
 FRAMES, WIDTH, HEIGHT = 4, 160, 88
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +75,7 @@ def test_each_light_alone_adds_up_to_all_of_them(street: Clip) -> None:
     alone = each_light(backend, frame, made, 1)
     assert {name.removeprefix(LIGHT_LAYER) for name in alone} <= {light.name for light in made.lighting.lights(1)}
     assert "light-ego-left" in alone
-    planes = backend.upload(frame, made.lighting.scene(1, frame.camera))
+    planes = backend.upload(frame, made.scene(1))
     step = next(step for step in made.steps if step.name == "spot_lights")
     backend.run("spot_lights", planes, step.params)
     direct = planes.arrays["direct"] - frame["emissive"]
@@ -160,9 +161,33 @@ def test_traffic_lights_stay_bright_at_night(street: Clip) -> None:
             assert off[green].max() < night[green].max()
 
 
-@pytest.mark.parametrize("weather", ["night", "overcast", "dawn", "fog"])
-def test_a_scene_that_stands_still_does_not_flicker(street: Clip, weather: str) -> None:
-    made = plan(street, weather, ["lights.vehicles=off"])
+def standing(made: Plan, index: int) -> Plan:
+    """The same with a camera and boxes that stay for all frames where they are in one."""
+    info = made.lighting.info
+    K, pose = (np.repeat(values[[index]], len(info), axis=0) for values in (info.K, info.camera_to_world))
+    still = dataclasses.replace(info, K=K, camera_to_world=pose, boxes=[info.boxes[index]] * len(info))
+    return dataclasses.replace(made, lighting=dataclasses.replace(made.lighting, info=still))
+
+
+def later_and_now(street: Clip, weather: str, *sets: str) -> list[dict[str, NDArray[np.float32]]]:
+    """Picture and puddles of a scene that stands still, at two times."""
+    made = standing(plan(street, weather, ["lights.vehicles=off", *sets]), 1)
+    layers = [layer for layer in ("puddle",) if layer in made.layers]
     still = street.frame(1, made.planes)
-    first, later = (render(NumpyBackend(), still, made, index)["rgb"] for index in (0, 3))
-    assert np.array_equal(first, later)
+    return [render(NumpyBackend(), still, made, index, layers) for index in (0, 3)]
+
+
+FALLING = ("rain_streaks.rate_mm_h=0", "snow_fall.rate_mm_h=0")
+
+
+@pytest.mark.parametrize("weather", ["night", "overcast", "dawn", "fog", "snow", "rain+night"])
+def test_a_scene_that_stands_still_does_not_flicker(street: Clip, weather: str) -> None:
+    first, later = later_and_now(street, weather, *FALLING, "ripples.rate_mm_h=0")
+    assert np.array_equal(first["rgb"], later["rgb"])
+
+
+def test_of_a_wet_road_nothing_but_puddles_moves(street: Clip) -> None:
+    first, later = later_and_now(street, "rain", *FALLING, "rain.rate_mm_h=25", "wet_ground.wetness=0.3")
+    moved = (first["rgb"] != later["rgb"]).any(axis=-1)
+    assert moved.any()
+    assert not moved[first["puddle"] == 0].any()

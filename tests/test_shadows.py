@@ -10,10 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from aw4d import street
-from aw4d.colour import decode_srgb8
+from aw4d.colour import LUMINANCE, decode_srgb8
 from aw4d.extract.frame import extract_frame
 from aw4d.extract.materials import materials
-from aw4d.extract.shadows import LUMINANCE, from_tones, shadow_matte, sunlight, tones
+from aw4d.extract.shadows import from_tones, shadow_matte, sunlight, tones
 from aw4d.extract.shadows_road import road_albedo
 from tests.kitti_scan import scan
 

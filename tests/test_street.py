@@ -201,7 +201,7 @@ def test_shadow_is_dark_in_the_picture() -> None:
 def test_boxes_hold_their_cars(index: int) -> None:
     frame = small(index)
     points = world_points(frame)
-    boxes = {box.track_id: box for box in street.boxes(index)}
+    boxes = {box.track_id + 1: box for box in street.boxes(index)}
     assert len(boxes) == len(street.boxes(index))
     ids = np.unique(frame["vehicle"])[1:]
     assert len(ids) > 5
@@ -211,7 +211,7 @@ def test_boxes_hold_their_cars(index: int) -> None:
 
 def test_moving_cars_move_and_parked_cars_do_not() -> None:
     def places(index: int) -> dict[int, NDArray[np.float64]]:
-        return {box.track_id: box.object_to_world for box in street.boxes(index)}
+        return {box.track_id + 1: box.object_to_world for box in street.boxes(index)}
 
     before, after = places(0), places(20)
     assert 15 < after[1][0, 3] - before[1][0, 3] < 25

@@ -17,7 +17,7 @@ import pytest
 
 from aw4d.params import Params
 from aw4d.passes import PASSES, stages
-from aw4d.weathers import GROUPS, WEATHERS
+from aw4d.weathers import GROUPS, ORDER, WEATHERS, find
 
 ROOT = Path(__file__).resolve().parent.parent
 # Pieces that kernels share; each mirrors the reference of the same stem, but for those that stand in for what
@@ -46,8 +46,12 @@ def test_every_kernel_is_a_pass() -> None:
     assert {path.stem for path in (ROOT / "cl").glob("*.cl")} == set(PASSES)
 
 
-def test_weathers_are_made_of_passes() -> None:
-    assert {name for weather in WEATHERS.values() for name in weather.passes} <= set(PASSES)
+def test_weathers_are_made_of_passes_in_order() -> None:
+    assert set(ORDER) == set(PASSES)
+    for weather in WEATHERS:
+        passes = find(weather).passes
+        assert passes == tuple(name for name in ORDER if name in passes)
+        assert {*WEATHERS[weather].passes, *WEATHERS[weather].light} == set(passes)
 
 
 def test_a_reference_takes_keywords_without_defaults(name: str) -> None:

@@ -16,12 +16,12 @@ from aw4d.io.source import LEVEL
 from aw4d.lights.light import Light
 from aw4d.lights.vehicles import vehicle_emission, vehicle_lights, vehicle_speeds
 from aw4d.params import VehicleLightParams
+from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
 PARAMS = VehicleLightParams()
 WIDTH, HEIGHT, FOCAL = 320, 160, 300.0
 SIZE = (4.4, 1.5, 1.8)
-LUMINANCE = (0.2126, 0.7152, 0.0722)
 
 
 def _box(x: float, z: float, heading: float = 0.0, category: str = "car", track: int = 7) -> Box:

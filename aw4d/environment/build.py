@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aw4d.environment import sky
-from aw4d.environment.latlong import LUMINANCE, directions, level_irradiance, solid_angles, towards
+from aw4d.environment.latlong import directions, level_irradiance, solid_angles, towards
 from aw4d.environment.model import Environment
 from aw4d.environment.presets import PRESETS, Preset, clear_sky_lux, sun_lux
 from aw4d.environment.spectrum import color_of, sunlight
 from aw4d.errors import InputError
 from aw4d.io.hdr import read_radiance
 from aw4d.params import AmbientParams
+from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
 
@@ -40,38 +41,36 @@ def environment(params: AmbientParams) -> Environment:
     InputError
         The preset has no sun, but its place is given; or the map is wrong.
     """
-    return _read(params) if params.map else _analytic_of(params)
+    return _from_map(params) if params.map else _from_preset(params)
+
+
+def _from_map(params: AmbientParams) -> Environment:
+    """Read anew every time, since the file may have changed. Without `illuminance_lux` it gets the preset's light."""
+    if given := _given_of_the_sky(params):
+        raise InputError(f"{given[0]}: a map has its own sky; turn it with rotation_deg")
+    found = _read_map(Path(params.map), params.rotation_deg)
+    if found.illuminance <= 0:
+        raise InputError(f"map: {params.map}: expected light from above the horizon, got none")
+    preset = PRESETS[params.preset]
+    return _scaled(found, params, default_lux=preset.sky_lux + preset.sun_lux)
 
 
 @lru_cache(maxsize=8)
-def _analytic_of(params: AmbientParams) -> Environment:
+def _from_preset(params: AmbientParams) -> Environment:
     """Kept, with its tables, since they take a second to make."""
-    return _read(params)
+    found = analytic(_adjusted(PRESETS[params.preset], params), params.rotation_deg)
+    return _scaled(found, params, default_lux=found.illuminance)
 
 
-def _read(params: AmbientParams) -> Environment:
-    preset = PRESETS[params.preset]
-    if params.map:
-        given = [n for n in ("sun_altitude_deg", "sun_azimuth_deg", "turbidity") if getattr(params, n) is not None]
-        if given:
-            raise InputError(f"{given[0]}: a map has its own sky; turn it with rotation_deg")
-        found = _of_map(Path(params.map), params.rotation_deg)
-        lux = params.illuminance_lux if params.illuminance_lux is not None else preset.sky_lux + preset.sun_lux
-    else:
-        preset = _adjusted(preset, params)
-        found = analytic(preset, params.rotation_deg)
-        lux = params.illuminance_lux if params.illuminance_lux is not None else found.illuminance
-    if found.illuminance <= 0:
-        raise InputError(f"map: {params.map}: expected light from above the horizon, got none")
-    return _scaled(found, params.strength * lux / found.illuminance)
+def _given_of_the_sky(params: AmbientParams) -> list[str]:
+    """Names of the parameters of a clear sky that are given."""
+    return [n for n in ("sun_altitude_deg", "sun_azimuth_deg", "turbidity") if getattr(params, n) is not None]
 
 
 def _adjusted(preset: Preset, params: AmbientParams) -> Preset:
     """A preset with the sun where the parameters want it; its light changes as that of a clear day does."""
-    if preset.sky != "clear":
-        for name in ("sun_altitude_deg", "sun_azimuth_deg", "turbidity"):
-            if getattr(params, name) is not None:
-                raise InputError(f"{name}: the preset {params.preset} has no sun in a clear sky")
+    if preset.sky != "clear" and (given := _given_of_the_sky(params)):
+        raise InputError(f"{given[0]}: the preset {params.preset} has no sun in a clear sky")
     changes: dict[str, float] = {}
     if params.sun_altitude_deg is not None:
         before, now = preset.sun_altitude_deg, params.sun_altitude_deg
@@ -117,7 +116,7 @@ def _analytic(preset: Preset, rotation_deg: float, balance: Array) -> Environmen
     return Environment(radiance=seen, backdrop=radiance, sun_direction=to_sun, sun_irradiance=sun)
 
 
-def _of_map(path: Path, rotation_deg: float) -> Environment:
+def _read_map(path: Path, rotation_deg: float) -> Environment:
     """A recorded map on its own scale, its sun taken out of it."""
     radiance = read_radiance(path)
     radiance = np.roll(radiance, round(rotation_deg / 360 * radiance.shape[1]), axis=1)
@@ -157,7 +156,10 @@ def split_sun(radiance: Array) -> tuple[Array, Array, Array]:
     return centre, sun, radiance - excess
 
 
-def _scaled(of: Environment, gain: float) -> Environment:
+def _scaled(of: Environment, params: AmbientParams, *, default_lux: float) -> Environment:
+    """The environment with the light on a level surface that the parameters want."""
+    lux = params.illuminance_lux if params.illuminance_lux is not None else default_lux
+    gain = params.strength * lux / of.illuminance
     return dataclasses.replace(
         of, radiance=of.radiance * gain, backdrop=of.backdrop * gain, sun_irradiance=of.sun_irradiance * gain
     )

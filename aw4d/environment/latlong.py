@@ -11,8 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear Rec. 709
-
 
 def towards(altitude_deg: ArrayLike, azimuth_deg: ArrayLike) -> Array:
     """Unit vectors of the world, (..., 3), at an altitude above the horizon and clockwise from north [deg]."""

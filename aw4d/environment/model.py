@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aw4d.camera import Camera
-from aw4d.environment.latlong import LUMINANCE, level_irradiance, sample, solid_angles
+from aw4d.environment.latlong import level_irradiance, sample, solid_angles
 from aw4d.environment.prefilter import SIZE, irradiance_table, lobe_table, specular_table
 from reference_numpy.environment import octahedral_grid
+from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class EnvironmentArrays:
     env_rotation: NDArray[np.float32]  # (3, 3) camera to world
     env_irradiance: NDArray[np.float32]  # (N, N, 4)
     env_specular: NDArray[np.float32]  # (L, N, N, 4)
-    env_brdf: NDArray[np.float32]  # (M, M, 8) the lobes' three numbers and a 0, twice
+    env_brdf: NDArray[np.float32]  # (M, M, LOBES, 4) three numbers of each lobe and a 0
     env_backdrop: NDArray[np.float32]  # (B, B, 4)
     sun_direction: NDArray[np.float32]  # (3,) camera frame
     sun_irradiance: NDArray[np.float32]  # (3,)

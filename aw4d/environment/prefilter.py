@@ -10,15 +10,16 @@ from scipy.ndimage import map_coordinates
 
 from aw4d.environment.latlong import sample, shrink, solid_angles
 from reference_numpy.brdf import V_SmithGGXCorrelated, alpha_of
-from reference_numpy.environment import octahedral_grid
+from reference_numpy.environment import LOBES, PARTS, octahedral_grid
 
 Array = NDArray[np.float64]
 
 ROWS, COLUMNS = 128, 256  # of the map that is summed over
 LEVELS = 8  # of roughness: 0, 1/7, ..., 1
-SIZE = 65  # texels of a table's side: odd, so that the directions of the axes lie on texels
+SIZE = 129  # texels of a table's side: odd, so that the directions of the axes lie on texels
 SPLIT = 32  # side of the table of lobes
-NODES = 96  # of its quadrature, squared
+NODES = 64  # of its quadrature, squared
+STRIPS = (0.0, 0.3, 0.75, 1.0)  # of the lobe of the part with F0: shares of its light up to their ends
 
 
 def _angles_between() -> Array:
@@ -89,48 +90,100 @@ def _shadowing(NoL: Array, a2: float | Array) -> Array:
     return 2 * NoL / (NoL + np.sqrt(NoL**2 * (1 - a2) + a2))
 
 
-def _lobe_lengths() -> tuple[Array, Array]:
-    """Roughness, and the length of the mean direction of its lobe in `specular_table`, which falls with it."""
-    roughness = np.linspace(0, 1, 101)
+def _level_moments() -> tuple[Array, Array]:
+    """Of the lobe of every level of `specular_table`: length of the mean direction, and mean square of one of the
+    components across it."""
+    roughness = np.linspace(0, 1, LEVELS)
     x, w = np.polynomial.legendre.leggauss(200)
     a2 = np.maximum(roughness, 1e-3)[:, None] ** 4
     # tan^2 of half the angle as a2 s / (1 - s): D sin(a) da is flat in s, so that lobes of every width resolve alike
     tan2 = a2 * ((x + 1) / 2 / (1 - (x + 1) / 2))
     cosine = np.maximum((1 - tan2) / (1 + tan2), 0.0)
     weight = w * _shadowing(cosine, a2)
-    return roughness, (weight * cosine).sum(axis=1) / weight.sum(axis=1)
+    weight /= weight.sum(axis=1, keepdims=True)
+    return (weight * cosine).sum(axis=1), (weight * (1 - cosine**2)).sum(axis=1) / 2
 
 
 @cache
 def lobe_table(size: int = SPLIT) -> Array:
-    """Shares and lobes of the two parts of the Fresnel term, (M, M, 8); see `reference_numpy.environment.lobes`.
+    """Lobes of the two parts of the Fresnel term, (M, M, LOBES, 4); see `reference_numpy.environment.lobes`.
 
-    int V 4 VoH / NoH NoL F over half vectors drawn by D NoH (Karis 2013), with Gauss-Legendre nodes in place of random
-    draws; F is 1 - (1 - VoH)^5 and (1 - VoH)^5. A lobe is told by its mean vector: the direction, and the length, which
-    says how wide it is.
+    A part's lobe is cut across the plane of incidence into strips, each of which is a round lobe: see `_round_lobes`.
     """
     NoV = np.clip(np.linspace(0, 1, size) ** 2, 1e-4, 1 - 1e-6)
+    light, mean, across = (np.zeros((size, size, LOBES, *more)) for more in ((), (2,), ()))
+    for i, alpha in enumerate(alpha_of(np.linspace(0, 1, size))):
+        for j, cosine in enumerate(NoV):
+            to_light, parts = _reflection(float(cosine), float(alpha))
+            for part, strips in zip(parts, PARTS, strict=True):
+                ends = STRIPS if strips.stop - strips.start > 1 else (0.0, 1.0)
+                light[i, j, strips], mean[i, j, strips], across[i, j, strips] = _strips(to_light, part, ends)
+    out = np.zeros((size, size, LOBES, 4))
+    mirror = np.arccos(NoV)[:, None]
+    for strips in PARTS:
+        angle, roughness = _round_lobes(light[:, :, strips], mean[:, :, strips], across[:, :, strips])
+        # Lobes beyond these bounds carry next to nothing. Where the eye looks along the normal, turns have no meaning.
+        turn = np.clip(np.sin(mirror - angle) / (np.sin(angle) + np.sin(mirror - angle)), -1.0, 3.0)
+        turn[:, -1] = turn[:, -2]
+        out[:, :, strips, :3] = np.stack([light[:, :, strips], turn, roughness], axis=-1)
+    return out
+
+
+def _reflection(NoV: float, alpha: float) -> tuple[Array, tuple[Array, Array]]:
+    """Directions to the light, (S, 3): away from the eye, along the normal, across; and the light of the two parts.
+
+    int V 4 VoH / NoH NoL F over half vectors drawn by D NoH (Karis 2013), with Gauss-Legendre nodes in place of random
+    draws, on one side of the plane of incidence; F is 1 - (1 - VoH)^5 and (1 - VoH)^5.
+    """
     x, w = np.polynomial.legendre.leggauss(NODES)
     share, turn = ((x + 1) / 2)[:, None], (x + 1) / 2 * np.pi
-    weight = np.outer(w, w) / 4
-    widths, lengths = _lobe_lengths()
-    out = np.zeros((size, size, 8))
-    for i, alpha in enumerate(alpha_of(np.linspace(0, 1, size))):
-        NoH = np.sqrt((1 - share) / (1 + (alpha**2 - 1) * share))
-        h_x = np.sqrt(1 - NoH**2) * np.cos(turn)
-        for j, cosine in enumerate(NoV):
-            sine = np.sqrt(1 - cosine**2)
-            VoH = np.clip(sine * h_x + cosine * NoH, 0.0, 1.0)
-            NoL = np.maximum(2 * VoH * NoH - cosine, 0.0)
-            V = V_SmithGGXCorrelated(cosine, np.maximum(NoL, 1e-9), alpha)
-            reflected = weight * V * 4 * VoH / NoH * NoL
-            forward = 2 * VoH * h_x - sine  # component of the light's direction away from the eye, negative
-            for part, F in enumerate((1 - (1 - VoH) ** 5, (1 - VoH) ** 5)):
-                total = (F * reflected).sum()
-                mean_n, mean_t = (F * reflected * NoL).sum() / total, -(F * reflected * forward).sum() / total
-                tan = mean_t / mean_n
-                away = sine - tan * cosine
-                rough = np.interp(-np.hypot(mean_n, mean_t), -lengths, widths)
-                # A lobe that is all but dark at the mirror direction may point anywhere; it carries next to nothing.
-                out[i, j, 4 * part : 4 * part + 3] = total, np.clip(away / (away + tan), -0.5, 1.5), rough
-    return out
+    sine = np.sqrt(1 - NoV**2)
+    NoH = np.sqrt((1 - share) / (1 + (alpha**2 - 1) * share))
+    h_x, h_y = np.sqrt(1 - NoH**2) * np.cos(turn), np.sqrt(1 - NoH**2) * np.sin(turn)
+    VoH = np.clip(NoV * NoH - sine * h_x, 0.0, 1.0)
+    to_light = np.stack([2 * VoH * h_x + sine, 2 * VoH * NoH - NoV, 2 * VoH * h_y], axis=-1).reshape(-1, 3)
+    NoL = np.maximum(2 * VoH * NoH - NoV, 0.0)
+    V = V_SmithGGXCorrelated(NoV, np.maximum(NoL, 1e-9), alpha)
+    reflected = np.outer(w, w) / 4 * V * 4 * VoH / NoH * NoL
+    schlick = (1 - VoH) ** 5
+    return to_light, ((reflected * (1 - schlick)).ravel(), (reflected * schlick).ravel())
+
+
+def _strips(to_light: Array, light: Array, ends: tuple[float, ...]) -> tuple[Array, Array, Array]:
+    """Light of the strips of a lobe, by shares of it from the eye's side on, (K,); mean vectors in the plane of
+    incidence, (K, 2), and mean squares across it, (K,)."""
+    order = np.argsort(np.arctan2(to_light[:, 0], to_light[:, 1]))
+    to_light, light = to_light[order], light[order]
+    last = np.cumsum(light)
+    first, edges = last - light, np.array(ends)[:, None] * last[-1]
+    inside = np.maximum(np.minimum(last, edges[1:]) - np.maximum(first, edges[:-1]), 0.0)
+    total = inside.sum(axis=1)
+    return total, inside @ to_light[:, :2] / total[:, None], inside @ to_light[:, 2] ** 2 / total
+
+
+def _round_lobes(light: Array, mean: Array, across: Array) -> tuple[Array, Array]:
+    """Angles from the normal, away from the eye, and roughness of round lobes (..., K) that stand for strips.
+
+    Each is as wide as its strip is across the plane of incidence. Their angles are those of the strips, spread or drawn
+    together and turned such that the mean vector of them all is the whole lobe's: a round lobe's strips draw together.
+    """
+    length, square = _level_moments()
+    share = light / light.sum(axis=-1, keepdims=True)
+    whole = np.einsum("...k,...kc->...c", share, mean)
+    middle, goal = np.arctan2(whole[..., :1], whole[..., 1:]), np.linalg.norm(whole, axis=-1, keepdims=True)
+    rough = np.interp(across, square, np.linspace(0, 1, LEVELS)) if light.shape[-1] > 1 else np.ones_like(across)
+    long = np.interp(rough, np.linspace(0, 1, LEVELS), length)
+    long = np.minimum(long * np.maximum(goal / (share * long).sum(axis=-1, keepdims=True), 1.0), 1.0)
+    apart = np.arctan2(mean[..., 0], mean[..., 1]) - middle
+
+    def sum_of(spread: Array) -> tuple[Array, Array]:
+        x, y = (share * long * f(spread * apart) for f in (np.sin, np.cos))
+        return x.sum(axis=-1, keepdims=True), y.sum(axis=-1, keepdims=True)
+
+    low, high = np.zeros_like(goal), np.full_like(goal, 1.5)
+    for _ in range(30):
+        half = (low + high) / 2
+        longer = np.hypot(*sum_of(half)) > goal
+        low, high = np.where(longer, half, low), np.where(longer, high, half)
+    angle = middle + low * apart - np.arctan2(*sum_of(low))
+    return angle, np.interp(-long, -length, np.linspace(0, 1, LEVELS))

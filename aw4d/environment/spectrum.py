@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aw4d.environment.latlong import LUMINANCE
+from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
 

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aw4d.camera import Camera
+from aw4d.colour import LUMINANCE
 from aw4d.extract.pixels import check_sizes
 
 Image = NDArray[np.float32]
@@ -35,7 +36,6 @@ CORE = 0.4  # green of a red lamp's core from which on it is overexposed
 SUNNY = 0.9  # linear: where 2 % of the picture are whiter than this, sunlit lenses clip too
 BLUE = 1.15  # blue over red of a sky without clouds
 EDGE = 0.35  # of a blob's peak: what around it belongs to it
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec. 709
 
 
 def _colours(rgb: Image) -> dict[str, Mask]:

@@ -10,10 +10,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from aw4d.colour import LUMINANCE
+
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec. 709
 BLUE = (0.75, 0.95)  # blue over the larger of red and green: of no leaf, of every sky
 SKY_BRIGHTNESS = (0.04, 0.15)  # share of the sky's luminance, likewise
 LEAFY = 0.2  # share of the surroundings that are leaves, from which on what looks like sky is sky

@@ -18,8 +18,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from aw4d.colour import LUMINANCE
 from aw4d.errors import InputError
-from aw4d.extract.shadows import LUMINANCE, Sunlight, from_tones, masked_blur, shadow_matte, sunlight
+from aw4d.extract.shadows import Sunlight, from_tones, masked_blur, shadow_matte, sunlight
 from aw4d.extract.shadows_road import road_albedo
 
 Image = NDArray[np.float32]

@@ -15,11 +15,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from aw4d.colour import LUMINANCE
+
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Array = NDArray[np.float64]
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec. 709
 FLOOR = 2e-3  # radiance under which an 8-bit recording tells nothing (6 codes of sRGB)
 BLUE = -0.15  # log red / blue of asphalt under which the sky alone lights it
 LEAST_STEP = 0.6  # log ratio of lit to shadowed that a cast shadow has

@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from aw4d.extract.shadows import FLOOR, LUMINANCE, Sunlight, from_tones, masked_blur, tones
+from aw4d.colour import LUMINANCE
+from aw4d.extract.shadows import FLOOR, Sunlight, from_tones, masked_blur, tones
 
 Image = NDArray[np.float32]
 Mask = NDArray[np.bool_]

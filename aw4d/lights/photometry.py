@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from aw4d.params import RGB
-
-LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec. 709
+from reference_numpy.srgb import LUMINANCE
 
 
 def on_picture(amount: float, color: RGB, white_cd_m2: float) -> RGB:
@@ -12,7 +11,7 @@ def on_picture(amount: float, color: RGB, white_cd_m2: float) -> RGB:
 
     The luminance of the result is the amount over the luminance that shows as white; a black colour gives none.
     """
-    luminance = sum(weight * c for weight, c in zip(LUMINANCE, color, strict=True))
+    luminance = float(LUMINANCE @ color)
     scale = amount / white_cd_m2 / luminance if luminance > 0 else 0.0
     red, green, blue = color
     return red * scale, green * scale, blue * scale

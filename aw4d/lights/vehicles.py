@@ -81,7 +81,7 @@ def _velocities(times: Array, centres: Array, window_s: float) -> Array:
     return np.asarray(np.where(alone, 0.0, (n * stp - st * sp) / spread).T, dtype=np.float64)
 
 
-class _Key:
+class ClipKey:
     """A clip as a key: the same object is the same clip."""
 
     def __init__(self, info: ClipInfo) -> None:
@@ -91,16 +91,16 @@ class _Key:
         return id(self.info)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Key) and other.info is self.info
+        return isinstance(other, ClipKey) and other.info is self.info
 
 
 def _motions(info: ClipInfo, window_s: float) -> Mapping[int, _Motion]:
     """All tracks of vehicles, by number."""
-    return _motions_of(_Key(info), window_s)
+    return _motions_of(ClipKey(info), window_s)
 
 
 @lru_cache(maxsize=4)  # every frame asks for all of them
-def _motions_of(key: _Key, window_s: float) -> Mapping[int, _Motion]:
+def _motions_of(key: ClipKey, window_s: float) -> Mapping[int, _Motion]:
     info = key.info
     tracks: dict[int, list[tuple[int, Box]]] = {}
     for index, boxes in enumerate(info.boxes):
@@ -133,6 +133,23 @@ def vehicle_speeds(info: ClipInfo, *, window_s: float = VehicleLightParams().win
         for index, speed in zip(motion.frames, motion.speed, strict=True):
             speeds[index][track] = float(speed)
     return speeds
+
+
+def moving_vehicles(info: ClipInfo, params: VehicleLightParams) -> dict[int, Array]:
+    """Centres of the boxes in the frames that have one, (n, 3) world [m], of every vehicle that drives, by track.
+
+    Parameters
+    ----------
+    info
+        Boxes and times of a clip.
+    params
+        `moving_m_s` and `window_s`: from which speed on a vehicle drives.
+    """
+    return {
+        track: np.array([box.object_to_world[:3, 3] for box in motion.boxes])
+        for track, motion in _motions(info, params.window_s).items()
+        if motion.drives >= params.moving_m_s
+    }
 
 
 @dataclass(frozen=True, eq=False)

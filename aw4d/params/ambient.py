@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
-from aw4d.errors import InputError
 from aw4d.params.base import Params, param
 
 PresetName = Literal["noon", "golden_hour", "dawn", "blue_hour", "overcast", "midnight"]
@@ -54,8 +53,3 @@ class AmbientParams(Params):
     occlusion_radius_m: float = param(1.5, "m", "how near things occlude the surroundings", "", low=0.01, high=100)
     occlusion_slices: int = param(4, "1", "the slices of the half space", "Jimenez et al. 2016", low=1, high=8)
     occlusion_steps: int = param(7, "1", "the samples on each side of a slice", "docs/ambient.md", low=0, high=9)
-
-    def __post_init__(self) -> None:
-        if self.preset not in get_args(PresetName):
-            raise InputError(f"preset: expected one of {', '.join(get_args(PresetName))}, got {self.preset!r}")
-        super().__post_init__()

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import typing
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from aw4d.errors import InputError
 
@@ -28,6 +29,12 @@ def param(
     return dataclasses.field(default=default, metadata=about)
 
 
+def _choices(params: type[Params]) -> dict[str, tuple[str, ...]]:
+    """What the fields may be that are one of several words."""
+    kinds = typing.get_type_hints(params).items()
+    return {name: typing.get_args(kind) for name, kind in kinds if typing.get_origin(kind) is Literal}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Params:
     """Base of all parameters: checks every field against its documented range.
@@ -35,14 +42,14 @@ class Params:
     Raises
     ------
     InputError
-        A number is not finite or out of range, or a convention unknown; the message names the field, what was expected
-        and what came.
+        A number is not finite or out of range, or a word is none of the field's; the message names the field, what was
+        expected and what came.
     """
 
     def __post_init__(self) -> None:
-        convention = getattr(self, "convention", CONVENTIONS[0])
-        if convention not in CONVENTIONS:
-            raise InputError(f"convention: expected {' or '.join(CONVENTIONS)}, got {convention!r}")
+        for name, words in _choices(type(self)).items():
+            if getattr(self, name) not in words:
+                raise InputError(f"{name}: expected {' or '.join(words)}, got {getattr(self, name)!r}")
         for field in dataclasses.fields(self):
             low, high = field.metadata["low"], field.metadata["high"]
             value = getattr(self, field.name)

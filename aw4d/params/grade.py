@@ -6,12 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from aw4d.errors import InputError
-from aw4d.params.base import CONVENTIONS, RGB, Params, param
-
-
-def _check_convention(convention: str) -> None:
-    if convention not in CONVENTIONS:
-        raise InputError(f"convention: expected {' or '.join(CONVENTIONS)}, got {convention!r}")
+from aw4d.params.base import RGB, Params, param
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +20,6 @@ class HarmonizeParams(Params):
     convention: Literal["physical", "paper"] = param("physical", "", "the formulas: physical or paper", "docs/paper.md")
 
     def __post_init__(self) -> None:
-        _check_convention(self.convention)
         super().__post_init__()
         if self.strength is None:
             object.__setattr__(self, "strength", 1.0 if self.convention == "paper" else 0.0)
@@ -41,7 +35,6 @@ class OvercastSkyParams(Params):
     convention: Literal["physical", "paper"] = param("physical", "", "the formulas: physical or paper", "docs/paper.md")
 
     def __post_init__(self) -> None:
-        _check_convention(self.convention)
         super().__post_init__()
         if max(self.tint) <= 0:
             raise InputError(f"tint: expected a colour with light in it, got {self.tint}")
@@ -69,10 +62,6 @@ class NightGradeParams(Params):
     sky_dilate_px: int = param(20, "px", "how far the darkened sky reaches over its edge", "paper", low=0, high=64)
     sky_blur_px: int = param(10, "px", "the standard deviation of the blur of that edge", "paper", low=0, high=32)
     convention: Literal["physical", "paper"] = param("physical", "", "the formulas: physical or paper", "docs/paper.md")
-
-    def __post_init__(self) -> None:
-        _check_convention(self.convention)
-        super().__post_init__()
 
     def arguments(self) -> dict[str, Any]:
         """Fields by name; a luminance of -1 asks the pass to measure it."""

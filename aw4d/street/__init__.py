@@ -101,9 +101,9 @@ def shadow(index: int, *, width: int = 1280, height: int = 704) -> NDArray[np.bo
 
 
 def boxes(index: int) -> list[Box]:
-    """Boxes, exact to 2 mm, of all cars around the camera, parked and moving; `track_id` is the id in `vehicle`."""
+    """Boxes, exact to 2 mm, of all cars around the camera, parked and moving; the id in `vehicle` is `track_id` + 1."""
     return [
-        Box(track_id=car.track, category="car", object_to_world=car.object_to_world, size=car.size)
+        Box(track_id=car.track - 1, category="car", object_to_world=car.object_to_world, size=car.size)
         for car in layout.cars(index)
     ]
 

@@ -4,6 +4,11 @@
 #include "gather.h"
 #include "vec.h"
 
+/* Round lobes that stand for the two parts of Schlick's Fresnel term F0 (1 - x) + x: the first three, side by side, for
+ * the part with F0, which is long at a slant; the last for the other. */
+#define LOBES 4
+#define LOBES_F0 3
+
 /* Where a bilinear lookup reads: the first of its four texels, and the weights of the right and the lower ones. */
 typedef struct {
     intw at;             /* number of the texel */
@@ -63,7 +68,7 @@ static inline void to_world(
     *Z = fma(R[6], x, fma(R[7], y, R[8] * z));
 }
 
-/* Where the parts of Schlick's Fresnel term are found: each is its share, its turn and its roughness. */
+/* Where the round lobes that stand for the reflection's are found: each is its share, its turn and its roughness. */
 static inline Corner lobe_corner(const floatw NoV, const floatw roughness, const int size)
 {
     return corner(sqrt(NoV) * (float)(size - 1), roughness * (float)(size - 1), size);
@@ -86,6 +91,26 @@ static inline Quad prefiltered(
     out.x = fma(f, far.x - near.x, near.x);
     out.y = fma(f, far.y - near.y, near.y);
     out.z = fma(f, far.z - near.z, near.z);
+    return out;
+}
+
+/* Light of the round lobes from..to-1 that stand for a part of Schlick's Fresnel term, by the mirror direction X, Y, Z and
+ * the normal in the world; their share in w. */
+static inline Quad reflection(
+    __global const float *restrict table, const Corner at, const int from, const int to,
+    __global const float *restrict specular, const int levels, const int size,
+    const floatw X, const floatw Y, const floatw Z, const floatw Nx, const floatw Ny, const floatw Nz)
+{
+    Quad out = {0.0f, 0.0f, 0.0f, 0.0f};
+    for (int k = from; k < to; k++) {
+        const Quad lobe = bilinear(table, at, LOBES, k);
+        const Quad seen = prefiltered(
+            specular, levels, size, fma(lobe.y, Nx - X, X), fma(lobe.y, Ny - Y, Y), fma(lobe.y, Nz - Z, Z), lobe.z);
+        out.x = fma(lobe.x, seen.x, out.x);
+        out.y = fma(lobe.x, seen.y, out.y);
+        out.z = fma(lobe.x, seen.z, out.z);
+        out.w += lobe.x;
+    }
     return out;
 }
 #endif

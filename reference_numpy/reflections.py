@@ -1,0 +1,319 @@
+"""What wet ground mirrors: the frame itself where the mirrored ray meets what it shows, the surroundings elsewhere.
+
+`ambient` has lit the surface with the surroundings in the mirror direction. Here the share c of the reflected lobe that
+things of the picture cover is taken from them and given to the things:
+
+    rgb + (F0 A + B) (sum of what covers - c * specular occlusion * L_env),
+
+A and B the shares of the two parts of Schlick's Fresnel term (Karis 2013), L_env the surroundings' radiance in the
+lobe. Where the ray finds nothing, c is 0 and nothing changes.
+
+A mirrored ray lies in the plane of the line of sight and the normal, which the picture shows as a line; the rays of a
+rough surface's lobe, long at a slant, all but do. So one walk up that line, row by row, serves the whole lobe: a thing
+that stands q metres above the mirrored ray, t metres along it, covers the lobe up to the angle q / t. The walk's steps
+grow as the square of their number, so that what is near, or far off and small in the picture, is not stepped over;
+where a step covers some of a narrow lobe, it is walked again in finer steps, which share out among them what it covers;
+a wide one sees the mean of what a step shows, but for the faces of lamps, whose highlight `spot_lights` has drawn.
+Behind things that stand before the mirroring place itself nobody knows what the rays meet: that part of the lobe is
+left to the surroundings.
+
+Every decision is a ramp, none a comparison: the result is a continuous function of its inputs and does not flicker.
+Answers, not depths, are interpolated between the two pixels beside the line: nothing appears between two things.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reference_numpy.ambient import specular_occlusion
+from reference_numpy.brdf import DIELECTRIC_F0, MIN_NOV
+from reference_numpy.environment import PARTS, lobes, prefiltered
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FINER = 5  # steps in the place of one, twice over
+BLOCKS = (3, 9, 27)  # [px] rows over which radiance is averaged, for steps that are not walked in finer ones
+WET = 0.25  # from which wetness on a surface mirrors in full
+SMOOTH = 0.5  # [1] of the largest roughness, over which mirroring ends
+LOBE = 2.0  # [1] half the lobe's width in elevation, of alpha: that of GGX at half its height, some tail included
+NEAR = 0.005  # [1] of the depth, beyond which things count
+EDGE = 0.05  # [1] of the picture's size, over which things at its borders fade
+FADE = 0.25  # [1] of reach and thickness, over which they end
+HIDDEN_M = 4.0  # [m] that things reach behind what is seen, if they stand before the mirroring place
+GROUND_M, GROUND_SLOPE = 0.03, 0.01  # [m], [1] how high above the mirroring place the ground itself may lie
+OWN = 1e-6  # [1] of a block's rows, for which the thing itself counts: there may be no other
+NOTHING = 1e6  # [m] depth of the sky
+
+
+def reflections(
+    *,
+    rgb: Array,
+    depth: Array,
+    normal: Array,
+    albedo: Array,
+    roughness: Array,
+    metallic: Array,
+    emissive: Array,
+    sky: NDArray[np.bool_],
+    puddle: Array,
+    wetness: Array,
+    occlusion: Array,
+    fx: float,
+    fy: float,
+    cx: float,
+    cy: float,
+    up: Array,
+    env_rotation: Array,
+    env_specular: Array,
+    env_brdf: Array,
+    steps: int,
+    reach_m: float,
+    thickness_m: float,
+    max_roughness: float,
+) -> dict[str, Array]:
+    """A lit frame with reflections of itself on what is wet and smooth.
+
+    Parameters
+    ----------
+    rgb
+        (H, W, 3) radiance, surroundings' reflection included.
+    depth, normal, albedo, roughness, metallic, emissive, sky
+        (H, W) [m], (H, W, 3) camera frame, (H, W, 3), (H, W), (H, W), (H, W, 3) what of `rgb`
+        things send by themselves, (H, W).
+    puddle, wetness
+        (H, W), 0 to 1; the larger counts.
+    occlusion
+        (H, W) share of the surroundings that `ambient` took for seen; 0 where it has not run.
+    fx, fy, cx, cy
+        Intrinsics [px].
+    up
+        (3,) unit, the world's up in the camera's frame.
+    env_rotation, env_specular, env_brdf
+        See `ambient`.
+    steps
+        Samples of a ray before finer ones.
+    reach_m
+        How far things are mirrored [m].
+    thickness_m
+        How far things reach below what is seen of them [m].
+    max_roughness
+        Roughness from which on nothing is mirrored.
+
+    Returns
+    -------
+    dict
+        `rgb` (H, W, 3), >= 0; `reflection` (H, W, 3), what of it is mirrored, of things and of the surroundings, >= 0.
+    """
+    out, mirrored = rgb.copy(), np.zeros_like(rgb)
+    wet = _ramp(np.maximum(puddle, wetness) / WET) * ~sky
+    on = wet * _ramp(max_roughness - roughness) > 0
+    if not on.any():
+        return {"rgb": out, "reflection": mirrored}
+    v, u = (i.astype(np.int64) for i in np.nonzero(on))
+    picture = _Picture(rgb, emissive, np.where(sky, NOTHING, np.minimum(depth, NOTHING)), fy)
+    ray = _Mirrored(u, v, depth[on], normal[on], roughness[on], fx, fy, cx, cy, np.asarray(up, dtype=np.float64))
+    covered, seen = _walk(picture, ray, steps, reach_m, thickness_m)
+    weight = wet[on] * _smooth(_ramp((max_roughness - roughness[on]) / (SMOOTH * max_roughness))) * ray.fit
+    share, L_env = _surroundings(
+        ray, np.clip(albedo[on], 0.0, 1.0), roughness[on], metallic[on], env_rotation, env_specular, env_brdf
+    )
+    weight, around = weight[:, None] * share, specular_occlusion(ray.NoV, occlusion[on], roughness[on])[:, None] * L_env
+    mirrored[on] = weight * (seen + (1 - covered)[:, None] * around)
+    out[on] = np.maximum(rgb[on] + weight * (seen - covered[:, None] * around), 0.0)
+    return {"rgb": out, "reflection": mirrored}
+
+
+class _Picture:
+    """What the frame shows: radiance and depth."""
+
+    def __init__(self, rgb: Array, emissive: Array, depth: Array, fy: float) -> None:
+        self.rgb, self.depth, self.fy = rgb, depth, fy
+        self.height, self.width = depth.shape
+        lit = np.maximum(rgb - emissive, 0.0)
+        solid = np.concatenate([lit, np.ones((*depth.shape, 1))], axis=-1) * (depth < NOTHING)[..., None]
+        self.blocks = [_means(solid, rows) for rows in BLOCKS]
+
+    def mean(self, y: Ints, x: Ints, stride: Ints, own: Array) -> Array:
+        """Radiance of things around the middle of a step that ends in row y, (M, 3); `own` where there is none."""
+        out = own.copy()
+        for i, rows in enumerate(BLOCKS):
+            last = i == len(BLOCKS) - 1
+            of = (stride > (BLOCKS[i - 1] if i else 1)) & ((stride <= rows) | last)
+            above, weight = np.divmod(2 * y[of] + stride[of] - rows, 2 * rows)
+            above, below = (np.clip(above + k, 0, len(self.blocks[i]) - 1) for k in (0, 1))
+            upper, lower = (self.blocks[i][k, x[of]] for k in (above, below))
+            block = upper + (weight / (2 * rows))[:, None] * (lower - upper)
+            out[of] = (block[:, :3] + OWN * own[of]) / (block[:, 3:] + OWN)
+        return out
+
+
+def _means(values: Array, rows: int) -> Array:
+    """Means of every so many rows, the last of what is left."""
+    starts = np.arange(0, len(values), rows)
+    counts = np.diff(starts, append=len(values))
+    return np.asarray(np.add.reduceat(values, starts, axis=0) / counts[:, None, None])
+
+
+class _Mirrored:
+    """Mirrored rays of pixels, (N,) of them, and their way in the picture."""
+
+    def __init__(
+        self, u: Ints, v: Ints, Z0: Array, normal: Array, roughness: Array, fx: float, fy: float, cx: float, cy: float,
+        up: Array,
+    ) -> None:  # fmt: skip
+        self.u, self.v, self.Z0 = u, v, Z0
+        n = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-18)
+        r = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(len(u))], axis=-1)
+        stretch = np.linalg.norm(r, axis=-1)
+        S = np.einsum("...c,...c->...", n, r)
+        sine = np.clip(-S / stretch, MIN_NOV, 1.0)  # of the angle between surface and ray, before and after
+        cosine = np.maximum(np.sqrt(1 - np.minimum(sine, 1.0) ** 2), MIN_COSINE)
+        # Square to the ray, upwards; what lies q above it, in its and n's plane, has p.X - p.P = q.
+        p = (n * (stretch**2 - 2 * S**2)[:, None] + S[:, None] * r) / (stretch**2 * cosine)[:, None]
+        self.p_r, self.p_u, self.p_v = np.einsum("...c,...c->...", p, r), p[:, 0] / fx, p[:, 1] / fy
+        self.up_r, self.up_u, self.up_v = r @ up, up[0] / fx, up[1] / fy
+        self.n, self.NoV, self.view = n, sine, -r / stretch[:, None]
+        Lz = 1 / stretch + 2 * sine * n[:, 2]
+        self.inv_Lz = 1 / np.maximum(Lz, MIN_AHEAD)
+        # Nearly the same plane for all rays of a lobe, and one that runs up the picture: else no reflections.
+        across, down = fx * n[:, 0] - (u - cx) * n[:, 2], fy * n[:, 1] - (v - cy) * n[:, 2]
+        rise = -down / fy
+        self.lean = across / np.minimum(down, -MIN_RISE * fy)  # [px] to the right, a row down
+        self.fit = _ramp(rise / MIN_RISE - 1) * _ramp(2 - 2 * np.abs(self.lean)) * _ramp(Lz / MIN_AHEAD - 1)
+        self.lobe = LOBE * roughness**2  # [rad], half its width
+        self.below = _smooth(_ramp(0.5 - 0.5 * sine / (cosine * np.maximum(self.lobe, 1e-6))))
+
+
+MIN_COSINE = 0.05  # looking straight down, there is no plane
+MIN_AHEAD = 0.1  # least component ahead of a mirrored ray; below twice it reflections fade
+MIN_RISE = 0.25  # [1] least rows a ray climbs in the picture, of one over a level mirror; below twice it they fade
+
+
+def _walk(picture: _Picture, ray: _Mirrored, steps: int, reach: float, thickness: float) -> tuple[Array, Array]:
+    """Share of the lobes that things cover, (N,), and the sum of their radiance times what they cover, (N, 3)."""
+    passed, seen = np.zeros(len(ray.u)), np.zeros((len(ray.u), 4))
+    every = np.arange(len(ray.u))
+    before = np.zeros_like(ray.v)
+    for k in range(1, steps + 1):
+        rows = -(-k * k * ray.v // steps**2)
+        stride = rows - before
+        up_to, _, blurred, wide = _things(picture, ray, every, rows, stride, reach, thickness)
+        to = np.maximum(passed, up_to)
+        finer = _ramp(2 - 2 * wide / np.maximum(stride, 1)) * (stride > 1)
+        seen += ((1 - finer) * (to - passed))[:, None] * blurred
+        on = np.flatnonzero(finer * (to - passed) > 0)
+        sums = _walk_finer(picture, ray, on, before[on], stride[on], passed[on], to[on], reach, thickness)
+        seen[on] += finer[on, None] * sums
+        passed, before = to, rows
+    return seen[:, 3], seen[:, :3]
+
+
+def _walk_finer(
+    picture: _Picture, ray: _Mirrored, on: Ints, start: Ints, stride: Ints, passed: Array, to: Array, reach: float,
+    thickness: float,
+) -> Array:  # fmt: skip
+    """One step in finer ones, twice over: what is found times what it covers from `passed` to `to`, (M, 4)."""
+    seen = np.zeros((len(on), 4))
+    before = start
+    for i in range(1, FINER + 1):
+        rows = start - (-i * stride // FINER)
+        up_to, _, _, _ = _things(picture, ray, on, rows, stride, reach, thickness)
+        most = np.clip(up_to, passed, to)
+        for j in range(1, FINER + 1):
+            row = before - (-j * (rows - before) // FINER)
+            up_to, found, _, _ = _things(picture, ray, on, row, stride, reach, thickness)
+            now = np.clip(up_to, passed, most)
+            seen += (now - passed)[:, None] * found
+            passed = now
+        before = rows
+    return seen
+
+
+def _things(
+    picture: _Picture, ray: _Mirrored, on: Ints, rows: Ints, stride: Ints, reach: float, thickness: float
+) -> tuple[Array, Array, Array, Array]:
+    """What the picture shows `rows` above the pixels, between two of its columns.
+
+    Returns
+    -------
+    up_to, found, blurred, wide
+        The share of the lobe below it, (M,); its radiance, and 1, where it is a thing that is mirrored and not one that
+        hides the rays, (M, 4); the same in the step's mean; half the lobe's width there [px], (M,).
+    """
+    U = ray.u[on] - rows * ray.lean[on]
+    x = np.clip(np.floor(U), 0, picture.width - 1).astype(int)
+    y = ray.v[on] - rows
+    w = _ramp(U - x)
+    inside = _ramp(np.minimum(U, picture.width - 1 - U) / (EDGE * picture.width)) * _ramp(y / (EDGE * picture.height))
+    up_to, found, wide = np.zeros(len(on)), np.zeros((len(on), 4)), np.zeros(len(on))
+    blurred = np.zeros_like(found)
+    for side, part in ((0, (1 - w) * inside), (1, w * inside)):
+        at = y, np.minimum(x + side, picture.width - 1)
+        z = picture.depth[at]
+        covers, lobe = _covers(ray, on, z, x + side, rows, stride, picture.fy, reach, thickness)
+        up_to += part * (covers + _hides(ray.Z0[on], z))
+        own = picture.rgb[at]
+        for sums, light in ((found, own), (blurred, picture.mean(*at, stride, own))):
+            sums[:, :3] += (part * covers)[:, None] * light
+            sums[:, 3] += part * covers
+        wide += (w if side else 1 - w) * lobe
+    some = np.maximum(up_to, 1e-30)[:, None]
+    return up_to, found / some, blurred / some, wide
+
+
+def _covers(
+    ray: _Mirrored, on: Ints, z: Array, x: Ints, rows: Ints, stride: Ints, fy: float, reach: float, thickness: float
+) -> tuple[Array, Array]:
+    """Share of the lobe below a thing at depth z in a pixel, if it counts; and half the lobe's width there [px]."""
+    d = z - ray.Z0[on]
+    dx = x - ray.u[on]
+    q = ray.p_r[on] * d + z * (dx * ray.p_u[on] - rows * ray.p_v[on])  # [m] above the ray
+    h = ray.up_r[on] * d + z * (dx * ray.up_u - rows * ray.up_v)  # [m] above the mirroring place
+    t = np.maximum(d, 0.0) * ray.inv_Lz[on]
+    pixel = z / fy
+    width = pixel + ray.lobe[on] * t
+    below = ray.below[on]
+    share = np.maximum(_smooth(_ramp(0.5 + 0.5 * q / width)) - below, 0.0) / (1 - below)
+    thick = thickness + stride * pixel
+    share = share * _ramp(1 + (thick + width - q) / (FADE * thick))
+    share = share * _ramp(h / (GROUND_M + GROUND_SLOPE * t) - 1)
+    share = share * _ramp(d / (NEAR * ray.Z0[on])) * _ramp((reach - t) / (FADE * reach))
+    return share, width / pixel
+
+
+def _hides(Z0: Array, z: Array) -> Array:
+    """Whether a thing stands before the mirroring place, so that its rays rise behind it, 0 to 1."""
+    return _ramp((Z0 - z) / (NEAR * Z0) - 1) * _ramp((z + HIDDEN_M - Z0) / (FADE * HIDDEN_M))
+
+
+def _surroundings(
+    ray: _Mirrored,
+    albedo: Array,
+    roughness: Array,
+    metallic: Array,
+    env_rotation: Array,
+    env_specular: Array,
+    env_brdf: Array,
+) -> tuple[Array, Array]:
+    """Share that is reflected, (N, 3), and the surroundings' radiance in the lobe, by its mean direction, (N, 3)."""
+    found = lobes(env_brdf, ray.NoV, roughness)
+    A, B = (found[..., part, 0].sum(axis=-1) for part in PARTS)
+    F0 = DIELECTRIC_F0 + (albedo - DIELECTRIC_F0) * metallic[:, None]
+    grey = F0.mean(axis=-1)
+    weights = np.concatenate([grey[:, None] * found[:, PARTS[0], 0], found[:, PARTS[1], 0]], axis=-1)
+    weights /= weights.sum(axis=-1, keepdims=True)
+    turn, rough = (weights * found[..., 1]).sum(axis=-1), (weights * found[..., 2]).sum(axis=-1)
+    mirror = 2 * ray.NoV[:, None] * ray.n - ray.view
+    d = mirror + turn[:, None] * (ray.n - mirror)
+    return F0 * A[:, None] + B[:, None], prefiltered(env_specular, d @ env_rotation.T, rough)
+
+
+def _ramp(x: Array) -> Array:
+    return np.clip(x, 0.0, 1.0)
+
+
+def _smooth(x: Array) -> Array:
+    """0 to 1 with level ends."""
+    return x * x * (3 - 2 * x)
