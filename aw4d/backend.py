@@ -34,6 +34,9 @@ class Backend(Protocol):
     def run(self, name: str, planes: Planes, p: Params) -> None:
         """Run one pass in place."""
 
+    def put(self, planes: Planes, name: str, values: NDArray[Any]) -> None:
+        """Replace a plane by values, (H, W) or (H, W, 3)."""
+
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes and layers by name, (H, W) or (H, W, 3) float32."""
 

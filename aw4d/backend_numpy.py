@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from aw4d.backend import Planes, check_names, frame_arguments
 from aw4d.gbuffer import GBuffer
 from aw4d.params import Params
-from aw4d.passes import PASSES, held_as
+from aw4d.passes import EMPTY, PASSES, held_as
 from aw4d.scene import Scene
 
 
@@ -59,10 +59,15 @@ class NumpyBackend:
         for plane in set(PASSES[name].optional) - planes.arrays.keys():
             channels, dtype = held_as(plane)
             shape = planes.shape if channels == 1 else (*planes.shape, channels)
-            planes.arrays[plane] = _widen(np.zeros(shape, dtype))
+            planes.arrays[plane] = _widen(np.full(shape, EMPTY.get(plane, 0), dtype))
         at_hand = planes.arrays | planes.arguments | own
         check_names(name, set(wanted), set(at_hand), set(own))
         planes.arrays.update(function(**{key: at_hand[key] for key in wanted}))
+
+    def put(self, planes: Planes, name: str, values: NDArray[Any]) -> None:
+        """Replace a plane."""
+        assert isinstance(planes, NumpyPlanes)
+        planes.arrays[name] = _widen(values)
 
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes by name, rounded to float32."""

@@ -18,7 +18,7 @@ from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
 from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
-from aw4d.passes import CHUNKS, GROUP_ITEMS, GROUPS, PASSES, TILE, WORKING, Stage, held_as, stages
+from aw4d.passes import CHUNKS, EMPTY, GROUP_ITEMS, GROUPS, PASSES, TILE, WORKING, Stage, held_as, stages
 from aw4d.scene import Scene
 from reference_numpy.sampling import gauss_legendre
 
@@ -104,9 +104,9 @@ class OpenCLBackend:
         return f"opencl {self.report.label}, float32 x {self.width}"
 
     def _buffer(self, name: str, nbytes: int) -> Any:
-        """A buffer of that name and size, kept from frame to frame."""
+        """A buffer of that name, of that size or more, kept from frame to frame."""
         held = self._pool.get(name)
-        if held is None or held.size != nbytes:
+        if held is None or held.size < nbytes:
             try:
                 held = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, nbytes)
             except self._cl.Error as error:
@@ -125,12 +125,7 @@ class OpenCLBackend:
         """Copy a frame to the device, channel after channel, rows padded with their last pixel's value."""
         height, width = frame.camera.shape
         pitch = -(-width // self.width) * self.width
-        buffers = {}
-        for name in frame:
-            values = frame[name]
-            planar = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
-            padded = np.pad(planar, ((0, 0), (0, 0), (0, pitch - width)), mode="edge")
-            buffers[name] = self._to_device(name, padded.view(np.uint8) if padded.dtype == np.bool_ else padded)
+        buffers = {name: self._to_device(name, _planar(frame[name], pitch)) for name in frame}
         arguments: dict[str, Any] = {"light_count": len(scene.lights), "width": width, "height": height}
         prepared = {"light_ball": balls(scene.lights), "light_shape": shapes(scene.lights)}
         given = frame_arguments(frame, scene) | prepared
@@ -141,6 +136,11 @@ class OpenCLBackend:
         )
         planes.arguments |= {"pitch": pitch, "plane": planes.plane}
         return planes
+
+    def put(self, planes: Planes, name: str, values: NDArray[Any]) -> None:
+        """Replace a plane, (H, W) or (H, W, 3)."""
+        assert isinstance(planes, OpenCLPlanes)
+        planes.buffers[name] = self._to_device(name, _planar(values, planes.pitch))
 
     def _build(self, name: str, layers: bool) -> list[_Kernel]:
         """The kernels of a pass in order, built once."""
@@ -176,7 +176,8 @@ class OpenCLBackend:
         for plane in set(PASSES[name].optional) - planes.buffers.keys():
             channels, dtype = held_as(plane)
             planes.buffers[plane] = self._buffer(plane, np.dtype(dtype).itemsize * channels * planes.plane)
-            self._cl.enqueue_fill_buffer(self._queue, planes.buffers[plane], np.uint8(0), 0, planes.buffers[plane].size)
+            value: NDArray[Any] = np.array(EMPTY.get(plane, 0), dtype)
+            self._cl.enqueue_fill_buffer(self._queue, planes.buffers[plane], value, 0, planes.buffers[plane].size)
         own = scalar_arguments(p)
         tables = {
             key: self._to_device(key, np.asarray(value, dtype=np.float32))
@@ -236,6 +237,13 @@ class OpenCLBackend:
             image = padded[:, :, : planes.shape[1]]
             out[name] = np.ascontiguousarray(image[0] if channels == 1 else np.moveaxis(image, 0, -1))
         return out
+
+
+def _planar(values: NDArray[Any], pitch: int) -> NDArray[Any]:
+    """A plane channel after channel, rows padded with their last pixel's value; masks as bytes."""
+    planar = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
+    padded = np.pad(planar, ((0, 0), (0, 0), (0, pitch - values.shape[1])), mode="edge")
+    return padded.view(np.uint8) if padded.dtype == np.bool_ else padded
 
 
 class _Kernel:

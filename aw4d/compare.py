@@ -60,6 +60,8 @@ def _results(step: Step) -> list[str]:
 def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
     """Errors of every usable OpenCL device against NumPy in float64, per pass and per plane or layer that it writes.
 
+    Every pass is given the same float32 planes everywhere: the reference's results of the pass before it, rounded.
+
     Raises
     ------
     InputError
@@ -87,6 +89,11 @@ def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
                     seen = worst.get(key, (0.0, 0.0))
                     now = error(values, expected[name], vectors=name in VECTORS)
                     worst[key] = (max(seen[0], now[0]), max(seen[1], now[1]))
+            for name in PASSES[step.name].writes:
+                same = expected[name].astype(np.float32)
+                reference.put(truth, name, same)
+                for device, planes in tried.items():
+                    backends[device].put(planes, name, same)
     return [
         Row(step=step, plane=plane, device=device, max_error=largest, p9999_error=p9999)
         for (step, plane, device), (largest, p9999) in worst.items()

@@ -58,7 +58,7 @@ class Pass:
     reads, writes
         Names of planes. One that is written and not among the clip's planes is listed in `WORKING`.
     optional
-        Planes out of `reads` that are taken for 0 where neither the clip nor an earlier pass has them.
+        Planes out of `reads` that are taken for 0, or as `EMPTY` says, where neither clip nor an earlier pass has them.
     layers
         Results that are kept only when they are asked for, with their number of channels.
     stages
@@ -82,7 +82,9 @@ class Pass:
 
 
 # Planes that one pass writes for another and no clip holds, with their number of channels.
-WORKING: dict[str, int] = {"direct": 3, "occlusion": 1, "puddle": 1, "snow_coverage": 1, "wetness": 1}
+WORKING: dict[str, int] = {"direct": 3, "occlusion": 1, "puddle": 1, "snow_bare": 1, "snow_coverage": 1, "wetness": 1}
+# What a plane is taken for that nobody made, other than 0: the share of a surface that snow leaves bare.
+EMPTY: dict[str, float] = {"snow_bare": 1.0}
 
 
 def held_as(plane: str) -> tuple[int, type]:
@@ -143,16 +145,16 @@ def _falling(name: str, params: type[Params], particles: str, layer: str) -> Pas
 PASSES: dict[str, Pass] = {
     "wet_ground": Pass(
         params=WetGroundParams,
-        reads=("albedo", "roughness", "metallic", "normal", "sky", "road", "snow_coverage"),
+        reads=("albedo", "roughness", "metallic", "normal", "sky", "road", "snow_bare"),
         writes=("albedo", "roughness", "wetness"),
-        optional=("road", "snow_coverage"),
+        optional=("road", "snow_bare"),
         layers={"wetness": 1},
     ),
     "puddles": Pass(
         params=PuddlesParams,
-        reads=("depth", "normal", "albedo", "roughness", "sky", "road", "snow_coverage"),
+        reads=("depth", "normal", "albedo", "roughness", "sky", "road", "snow_bare"),
         writes=("albedo", "normal", "roughness", "puddle"),
-        optional=("snow_coverage",),
+        optional=("snow_bare",),
         layers={"puddle": 1},
     ),
     "ripples": Pass(
@@ -185,8 +187,8 @@ PASSES: dict[str, Pass] = {
     "snow_cover": Pass(
         params=SnowCoverParams,
         reads=("depth", "normal", "albedo", "roughness", "metallic", "sky", "road", "vehicle"),
-        writes=("depth", "normal", "albedo", "roughness", "metallic", "snow_coverage"),
-        optional=("vehicle",),
+        writes=("depth", "normal", "albedo", "roughness", "metallic", "snow_coverage", "snow_bare"),
+        optional=("road", "vehicle"),
         layers={"snow_coverage": 1, "snow_height": 1},
     ),
     "reflections": Pass(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,11 +21,12 @@ from aw4d.lights.light import Light
 from aw4d.params import AmbientParams, FogParams, Params
 from aw4d.passes import PASSES
 from aw4d.scene import Scene
-from aw4d.weathers import Settings, find, nearest
+from aw4d.weathers import WEATHERS, Settings, find, nearest, parts
 from aw4d.weathers import settings as weather_settings
 from aw4d.world import world_arguments
 from aw4d.world.sizes import rain_extinction, snow_extinction
 
+log = logging.getLogger("aw4d")
 LIGHT_LAYER = "light-"  # radiance of one light: the layer's name goes on with the light's
 
 
@@ -86,6 +88,7 @@ def plan(clip: Clip, weather: str, assignments: Sequence[str] = ()) -> Plan:
         lights, a map or frames are wrong.
     """
     settings = weather_settings(weather, assignments)
+    _warn_of_unused(weather, assignments)
     lit = lighting(clip, settings)
     settings = _resolved(settings, lit, find(weather).passes)
     steps: list[Step] = []
@@ -107,9 +110,18 @@ def plan(clip: Clip, weather: str, assignments: Sequence[str] = ()) -> Plan:
     )
 
 
+def _warn_of_unused(weather: str, assignments: Sequence[str]) -> None:
+    """Say which assignments change nothing, since the weather has nothing of that kind."""
+    used = {*find(weather).passes, *parts(weather)}
+    for text in assignments:
+        group = text.partition(".")[0].strip()
+        if group in {*PASSES, *WEATHERS} - used:
+            log.warning("--set %s changes nothing: %s has no %s", text, weather, group)
+
+
 def _resolved(settings: Settings, lit: Lighting, passes: Sequence[str]) -> Settings:
     """Settings with what follows from the rest: the fog's colour is the surroundings' mean radiance; rain and snow that
-    fall are fog, too, farther away than single drops and flakes are seen."""
+    fall are fog, too. Those few drops and flakes that are drawn by themselves count in it as well."""
     fog = settings.fog
     falling = 0.0
     if "rain_streaks" in passes:

@@ -16,7 +16,6 @@ from aw4d.backend_numpy import NumpyBackend
 from aw4d.clip import Clip
 from aw4d.colour import LUMINANCE, encode_srgb8
 from aw4d.errors import InputError
-from aw4d.gbuffer import GBuffer
 from aw4d.overlap import ahead
 from aw4d.pipeline import Plan, before_grading, check_layers, each_light, plan, render
 from aw4d.weathers import nearest
@@ -83,23 +82,20 @@ def frames_of(
     own = [layer for layer in layers if layer not in (EACH_LIGHT, LABELS)]
     check_layers(made, own)
     labels = [name for name in LABEL_PLANES if LABELS in layers and name in clip.planes]
+    depths = [name for name in ("depth", *PARTICLE_DEPTHS) if LABELS in layers and name in {"depth", *made.layers}]
     read = tuple(dict.fromkeys((*made.planes, *labels)))
+    wanted = list(dict.fromkeys((*own, *depths)))
     made = with_clip_exposure(clip, made, backend)
     for index, source in zip(chosen, ahead(clip.frame(i, read) for i in chosen), strict=True):
-        out = render(backend, source, made, index, own)
+        out = render(backend, source, made, index, wanted)
         rgb = out.pop("rgb")
         if EACH_LIGHT in layers:
             out |= each_light(backend, source, made, index)
         if LABELS in layers:
-            out |= _labels(source, labels, out)
+            edited = np.minimum.reduce([out[name] for name in depths])
+            out = {name: plane for name, plane in out.items() if name in own or name not in depths}
+            out |= {name: source[name] for name in labels} | {EDITED_DEPTH: edited}
         yield Frame(index=index, time=source.time, rgb=rgb, layers=out)
-
-
-def _labels(source: GBuffer, names: Sequence[str], layers: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Depth and masks as the clip has them, and the depth of the nearest thing, drops and flakes included."""
-    nearer = [layers[name] for name in PARTICLE_DEPTHS if name in layers]
-    edited = np.minimum.reduce([source["depth"], *nearer])
-    return {name: source[name] for name in names} | {EDITED_DEPTH: edited}
 
 
 def with_clip_exposure(clip: Clip, made: Plan, backend: Backend) -> Plan:

@@ -97,7 +97,7 @@ class Weather:
         What it sets other than the defaults.
     light, light_sets
         The passes of the light that belongs to it, and what they are set to. Of a combination only one weather's
-        light counts: that of the hour, if one is named, else that of the first.
+        light counts: that of the hour, if one is named, else of one that is nothing but light, else of the first.
     hour
         Whether it is a time of the day.
     """
@@ -110,18 +110,19 @@ class Weather:
 
 
 _CLOUDS = ("ambient", "overcast_sky", "spot_lights", "harmonize")
-_CLEAR_AIR = "fog.visibility_m=20000"  # between the drops
+# Between drops and flakes; they fall from clouds, and what is above those is not seen through them.
+_AIR = ("fog.visibility_m=20000", "fog.extent_m=1000")
 
 WEATHERS: dict[str, Weather] = {
     "snow": Weather(
         passes=("snow_cover", "wet_ground", "fog", "snow_fall"),
-        sets=(_CLEAR_AIR,),
+        sets=_AIR,
         light=_CLOUDS,
         light_sets=("ambient.preset=overcast", "lights.street=off"),
     ),
     "rain": Weather(
         passes=("wet_ground", "puddles", "ripples", "reflections", "fog", "rain_streaks"),
-        sets=(_CLEAR_AIR,),
+        sets=_AIR,
         light=_CLOUDS,
         light_sets=("ambient.preset=overcast", "ambient.illuminance_lux=4000", "lights.street=off"),
     ),
@@ -185,7 +186,7 @@ def find(name: str) -> Weather:
         See `parts`.
     """
     together = [WEATHERS[part] for part in parts(name)]
-    lit_by = next((weather for weather in together if weather.hour), together[0])
+    lit_by = min(together, key=lambda weather: (not weather.hour, bool(weather.passes)))
     passes = {*lit_by.light, *(name for weather in together for name in weather.passes)}
     return Weather(
         passes=tuple(name for name in ORDER if name in passes),
@@ -267,10 +268,13 @@ def settings(weather: str, assignments: Sequence[str] = ()) -> Settings:
             preset[group].pop(rival, None)
     amounts = {group: _made(group, given[group]) for group in _AMOUNTS}
     implied = [amounts[group].implied() for group in _AMOUNTS if group in parts(weather)]
-    made = {}
-    for group in GROUPS:
-        values: dict[str, Any] = {}
-        for source in (*(i.get(group, {}) for i in implied), preset[group], given[group]):
-            values |= source
-        made[group] = _made(group, values)
-    return Settings(**made)
+    return Settings(**{g: _made(g, _most(implied, g) | preset[g] | given[g]) for g in GROUPS})
+
+
+def _most(implied: Sequence[dict[str, dict[str, Any]]], group: str) -> dict[str, Any]:
+    """What several amounts imply for a group: of two values for one field the larger."""
+    out: dict[str, Any] = {}
+    for fields in implied:
+        for name, value in fields.get(group, {}).items():
+            out[name] = max(value, out.get(name, value))
+    return out

@@ -100,7 +100,7 @@ __kernel void puddles(
     __global float *restrict roughness,
     __global const uchar *restrict sky,
     __global const uchar *restrict road,
-    __global const float *restrict snow_coverage,
+    __global const float *restrict snow_bare,
     __global float *restrict puddle,
     const int pitch,                                    /* [px] row length, a multiple of W */
     const int plane,                                    /* [px] distance between the planes of one image */
@@ -138,8 +138,8 @@ __kernel void puddles(
     if (convention == PAPER) {
         under = printed_mask(noise);
     } else {
-        const floatw snow = LOADW(snow_coverage + i);
-        const Share bare = {1.0f - snow, snow};
+        const floatw left = LOADW(snow_bare + i);
+        const Share bare = {left, 1.0f - left};
         under = both(both(flooded(noise, level, steepness), levelness(nx, ny, nz, up, flat, steep)), bare);
     }
     under.of = SELECTW(here, under.of, 0.0f);

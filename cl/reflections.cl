@@ -443,7 +443,8 @@ static inline Mirrored mirrored(
     m.lean.hi = SELECTW(steep, m.lean.hi, 0.0f);
     m.lean.lo = SELECTW(steep, m.lean.lo, 0.0f);
     m.inv_Lz = 1.0f / fmax(Lz, MIN_AHEAD);
-    *fit = ramp(rise * (1.0f / MIN_RISE) - 1.0f) * ramp(2.0f - 2.0f * fabs(m.lean.hi)) * ramp(Lz * (1.0f / MIN_AHEAD) - 1.0f);
+    *fit = level_ends(ramp(rise * (1.0f / MIN_RISE) - 1.0f)) * level_ends(ramp(2.0f - 2.0f * fabs(m.lean.hi)))
+        * level_ends(ramp(Lz * (1.0f / MIN_AHEAD) - 1.0f));
     m.lobe = LOBE * roughness * roughness;
     m.below = level_ends(ramp(0.5f - 0.5f * *sine / (cosine * fmax(m.lobe, 1e-6f))));
     m.inv_above = 1.0f / (1.0f - m.below);

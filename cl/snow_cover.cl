@@ -19,6 +19,7 @@
 #define BIAS 0.03f
 #define EDGE 0.08f       /* [m] half the width over which a rut's side rises */
 #define SHOULDER 0.5f    /* [m] beyond the ruts, over which the untouched snow begins */
+#define NEARER 1.001f
 #define WOBBLE 0.1f      /* [m] that ruts wander to either side */
 #define FRAME 24         /* values of a frame in vehicle_frame */
 #define SEGMENT 7        /* values of a piece in track_segment */
@@ -104,14 +105,15 @@ static inline floatw patches(const Place place, const int block_x, const int blo
     return ramp((fbm - 0.3f) * (1.0f / 0.4f));
 }
 
-/* Squared distance of places to one piece of a way; the difference across it keeps its digits a kilometre along it. */
-static inline floatw distance2(const Place place, __global const float *restrict piece)
+/* Squared distance of places to one piece of a way, and on which side of it they are; the difference across it keeps its digits a kilometre along it. */
+static inline floatw distance2(const Place place, __global const float *restrict piece, floatw *side)
 {
     const Sharp mx = {-piece[0], -piece[1]}, mz = {-piece[2], -piece[3]};
     const Sharp qx = sharp_sum(place.x, mx), qz = sharp_sum(place.z, mz);
     const Sharp across = sharp_sum(sharp_product(qx, piece[5], 0.0f), sharp_product(qz, -piece[4], 0.0f));
     const floatw a = across.hi + across.lo;
     const floatw beyond = fmax(fabs(fma(qx.hi, piece[4], qz.hi * piece[5])) - piece[6], 0.0f);
+    *side = SELECTW(a < 0.0f, -1.0f, 1.0f);
     return fma(a, a, beyond * beyond);
 }
 
@@ -138,18 +140,21 @@ static inline floatw kept_in_tracks(
         + 0.5f * (right - left + front - back);
     floatw kept = 1.0f;
     for (int path = 0; path < track_count; path++) {
-        floatw nearest2 = 1e12f;
+        floatw nearest2 = 1e12f, side = 1.0f;
         bool found = false;
         for (int i = track_path[path]; i < track_path[path + 1]; i++) {
             __global const float *piece = track_segment + SEGMENT * i;
             if (is_near(piece, x, z, reach)) {
-                nearest2 = fmin(nearest2, distance2(place, piece));
+                floatw there;
+                const floatw d2 = distance2(place, piece, &there);
+                side = SELECTW(d2 * NEARER < nearest2, there, side);
+                nearest2 = fmin(nearest2, d2);
                 found = true;
             }
         }
         if (!found)
             continue;
-        const floatw aside = fabs(sqrt(nearest2) + wobble) - 0.5f * gauge;
+        const floatw aside = fabs(fma(side, sqrt(nearest2), wobble)) - 0.5f * gauge;
         const floatw rut = 1.0f - ramp((fabs(aside) - (0.5f * width - EDGE)) * (0.5f / EDGE));
         const floatw lane = 1.0f - ramp(aside * (1.0f / SHOULDER));
         kept = fmin(kept, fma(rut, share - 1.0f, 1.0f) * fma(lane, middle - 1.0f, 1.0f));
@@ -231,6 +236,7 @@ __kernel void snow_cover(
     __global float *roughness,
     __global float *metallic,
     __global float *snow_coverage,
+    __global float *snow_bare,
 #ifdef LAYERS
     __global float *snow_height,
 #endif
@@ -281,6 +287,7 @@ __kernel void snow_cover(
     intw waiting = stays > 0.0f;
     if (!ANYW(waiting)) {
         STOREW((floatw)0.0f, snow_coverage + i);
+        STOREW((floatw)1.0f, snow_bare + i);
 #ifdef LAYERS
         STOREW((floatw)0.0f, snow_height + i);
 #endif
@@ -324,7 +331,9 @@ __kernel void snow_cover(
 
     floatw bare;
     const floatw covered = stays * coverage(height, cover_cm, gamma, convention, &bare);
+    const floatw left = fma(stays, bare, slips);
     STOREW(covered, snow_coverage + i);
+    STOREW(left, snow_bare + i);
 #ifdef LAYERS
     STOREW(height * stays, snow_height + i);
 #endif
@@ -336,7 +345,7 @@ __kernel void snow_cover(
     STOREW(fma(covered, snow_albedo.z - b, b), albedo + i + 2 * plane);
     const floatw rough = LOADW(roughness + i), metal = LOADW(metallic + i);
     STOREW(fma(covered, snow_roughness - rough, rough), roughness + i);
-    STOREW(metal * fma(stays, bare, slips), metallic + i);
+    STOREW(metal * left, metallic + i);
     if (displacement) {
         const floatw thick = height * stays * (over_steep + up_steep);
         STOREW(z * (1.0f - thick / fmax(fabs(n_point), fmax(4.0f * thick, 1e-12f))), depth + i);

@@ -18,7 +18,7 @@ __kernel void wet_ground(
     __global const float *restrict normal,
     __global const uchar *restrict sky,
     __global const uchar *restrict road,
-    __global const float *restrict snow_coverage,
+    __global const float *restrict snow_bare,
     __global float *restrict wetness,
     __global const float *restrict up,                  /* unit, camera frame */
     const float intensity,
@@ -46,7 +46,7 @@ __kernel void wet_ground(
     const intw drivable = LOADMASKW(road + i);
     const floatw reached = paper ? SELECTW(drivable, 1.0f, 0.0f) : open * open;
     const floatw closed = paper ? (floatw)(1.0f) : SELECTW(drivable, 1.0f, film);
-    const floatw wet = SELECTW(seen, intensity * reached * (1.0f - LOADW(snow_coverage + i)), 0.0f);
+    const floatw wet = SELECTW(seen, intensity * reached * LOADW(snow_bare + i), 0.0f);
     const floatw porous = clamp((dry_roughness - 0.5f) * 2.5f, 0.0f, 1.0f) * (1.0f - LOADW(metallic + i));
     const floatw share = wet * porosity * (paper ? (floatw)(1.0f) : porous);
     floatw through = 1.0f;

@@ -53,7 +53,7 @@ def puddles(
     roughness: Array,
     sky: NDArray[np.bool_],
     road: NDArray[np.bool_],
-    snow_coverage: Array,
+    snow_bare: Array,
     fx: float,
     fy: float,
     cx: float,
@@ -83,7 +83,7 @@ def puddles(
         (H, W) z of the surfaces [m].
     normal, albedo
         (H, W, 3) camera frame, and linear.
-    roughness, snow_coverage
+    roughness, snow_bare
         (H, W), 0 to 1.
     sky, road
         (H, W) True where the sky is seen, and on drivable ground.
@@ -117,7 +117,7 @@ def puddles(
         puddle = np.where(here, printed_mask(noise), 0.0)
         return {"puddle": puddle, "albedo": albedo, "normal": normal, "roughness": roughness * (1 - puddle)}
     under = smoothstep(0.0, 1.0, (noise - level) * steepness + 0.5)
-    puddle = np.where(here, under * levelness(normal, up, flat, steep) * (1 - snow_coverage), 0.0)
+    puddle = np.where(here, under * levelness(normal, up, flat, steep) * snow_bare, 0.0)
     ray, _ = rays(depth.shape, **view)
     facing = np.clip(-ray @ np.asarray(up), 0.0, 1.0)
     through = np.exp(-optical_depth / np.sqrt(1 - (1 - facing**2) / WATER_INDEX**2))

@@ -181,7 +181,8 @@ class _Mirrored:
         across, down = fx * n[:, 0] - (u - cx) * n[:, 2], fy * n[:, 1] - (v - cy) * n[:, 2]
         rise = -down / fy
         self.lean = across / np.minimum(down, -MIN_RISE * fy)  # [px] to the right, a row down
-        self.fit = _ramp(rise / MIN_RISE - 1) * _ramp(2 - 2 * np.abs(self.lean)) * _ramp(Lz / MIN_AHEAD - 1)
+        climbs, upright, ahead = rise / MIN_RISE - 1, 2 - 2 * np.abs(self.lean), Lz / MIN_AHEAD - 1
+        self.fit = _smooth(_ramp(climbs)) * _smooth(_ramp(upright)) * _smooth(_ramp(ahead))
         self.lobe = LOBE * roughness**2  # [rad], half its width
         self.below = _smooth(_ramp(0.5 - 0.5 * sine / (cosine * np.maximum(self.lobe, 1e-6))))
 

@@ -44,6 +44,7 @@ PATCH_SEEDS = (0x61, 0x62, 0x63)
 PATCH_LOW, PATCH_HIGH = 0.3, 0.7
 EDGE = 0.08  # [m] half the width over which a rut's side rises
 SHOULDER = 0.5  # [m] beyond the ruts, over which the untouched snow begins
+NEARER = 1.001  # a piece must be this much nearer, squared, to say on which side a place lies: ways may fold back
 WOBBLE = 0.1  # [m] that ruts wander to either side
 
 
@@ -132,12 +133,16 @@ def kept_in_tracks(
     """
     kept = np.ones(np.shape(x))
     for first, last in pairwise(track_path):
-        nearest = np.full(np.shape(x), np.inf)
+        nearest, side = np.full(np.shape(x), np.inf), np.ones(np.shape(x))
         for mx, mx_lo, mz, mz_lo, tx, tz, half in track_segment[first:last]:
             qx, qz = x - (mx + mx_lo), z - (mz + mz_lo)
             beyond = np.maximum(np.abs(qx * tx + qz * tz) - half, 0)
-            nearest = np.minimum(nearest, np.hypot(qx * tz - qz * tx, beyond))
-        aside = np.abs(nearest + wobble) - track_gauge_m / 2
+            across = qx * tz - qz * tx
+            distance = np.hypot(across, beyond)
+            clearly = distance**2 * NEARER < nearest**2
+            side = np.where(clearly, np.where(across < 0, -1.0, 1.0), side)
+            nearest = np.minimum(nearest, distance)
+        aside = np.abs(side * nearest + wobble) - track_gauge_m / 2
         rut = 1 - ramp((np.abs(aside) - track_width_m / 2 + EDGE) / (2 * EDGE))
         lane = 1 - ramp(aside / SHOULDER)
         kept = np.minimum(kept, (1 - (1 - track_share) * rut) * (1 - (1 - track_middle) * lane))
@@ -306,8 +311,8 @@ def snow_cover(
     Returns
     -------
     dict
-        `albedo`, `normal` (H, W, 3), `depth`, `roughness`, `metallic`, `snow_coverage` (H, W) and `snow_height` (H, W)
-        [m], measured upwards.
+        `albedo`, `normal` (H, W, 3), `depth`, `roughness`, `metallic`, `snow_coverage` and `snow_bare`, 1 less that,
+        (H, W), and `snow_height` (H, W) [m], measured upwards.
     """
     ray, stretch = rays(depth.shape, fx=fx, fy=fy, cx=cx, cy=cy)
     point = ray * (stretch * depth)[..., None]
@@ -349,6 +354,7 @@ def snow_cover(
         "metallic": metallic * (1 - covered),
         "depth": depth * (1 - _raised(height * n_up, n_point)) if displacement else depth,
         "snow_coverage": covered,
+        "snow_bare": 1 - covered,
         "snow_height": height,
     }
 

@@ -45,7 +45,7 @@ def wet_ground(
     normal: Array,
     sky: NDArray[np.bool_],
     road: NDArray[np.bool_],
-    snow_coverage: Array,
+    snow_bare: Array,
     fx: float,
     fy: float,
     cx: float,
@@ -65,7 +65,7 @@ def wet_ground(
     ----------
     albedo, normal
         (H, W, 3) linear, and of any length, camera frame.
-    roughness, metallic, snow_coverage
+    roughness, metallic, snow_bare
         (H, W), 0 to 1.
     sky, road
         (H, W) True where the sky is seen, which stays as it is, and on drivable ground.
@@ -94,11 +94,11 @@ def wet_ground(
     n = unit_normals(normal)
     closed = np.ones(roughness.shape)
     if convention == "paper":
-        wet = intensity * road * (1 - snow_coverage)
+        wet = intensity * road * snow_bare
         p = np.full(roughness.shape, porosity)
         water, smooth = np.full_like(albedo, water_albedo), np.full(roughness.shape, water_roughness)
     else:
-        wet = intensity * ((1 + n @ np.asarray(up)) / 2) ** 2 * (1 - snow_coverage)
+        wet = intensity * ((1 + n @ np.asarray(up)) / 2) ** 2 * snow_bare
         p = porosity * porousness(roughness, metallic)
         water, smooth = np.minimum(albedo, water_albedo), np.minimum(roughness, water_roughness)
         closed[~road] = film

@@ -24,7 +24,7 @@ from aw4d.world.vehicle_frames import vehicle_frames
 from tests import lit_inputs
 
 Array = NDArray[np.float64]
-RESULTS = ("albedo", "normal", "roughness", "metallic", "depth", "snow_coverage", "snow_height")
+RESULTS = ("albedo", "normal", "roughness", "metallic", "depth", "snow_coverage", "snow_bare", "snow_height")
 
 
 def looking(

@@ -105,7 +105,7 @@ def test_no_puddle_lies_on_snow() -> None:
     source, p = frame(), PuddlesParams(share=0.5)
     covered = np.random.default_rng(1).random(SIZE, dtype=np.float32)
     bare = reference("puddles", source, p)["puddle"]
-    assert np.allclose(reference("puddles", source, p, snow_coverage=covered)["puddle"], bare * (1.0 - covered))
+    assert np.allclose(reference("puddles", source, p, snow_bare=1 - covered)["puddle"], bare * (1.0 - covered))
 
 
 def test_the_printed_mask() -> None:
@@ -204,7 +204,7 @@ def test_street(opencl_device: OpenCLBackend, name: str) -> None:
     source = street.frame(28, width=320, height=176)
     snow = np.random.default_rng(2).random((176, 320), dtype=np.float32)
     check(opencl_device, "puddles", source, SETTINGS[name])
-    check(opencl_device, "puddles", source, SETTINGS[name], snow_coverage=snow)
+    check(opencl_device, "puddles", source, SETTINGS[name], snow_bare=snow)
 
 
 @pytest.mark.parametrize("yaw", [0.0, np.pi / 2, 2.0, -3.0])

@@ -65,7 +65,6 @@ def test_the_number_is_marshall_and_palmers(rate: float) -> None:
 def test_more_rain_hides_more() -> None:
     assert rain_extinction(0.0) == 0
     assert 0 < rain_extinction(5.0) < rain_extinction(25.0) < 0.01
-    assert rain_extinction(25.0, below_mm=2.0) < rain_extinction(25.0)
 
 
 @pytest.mark.parametrize("most", [500, 20_000, 1_000_000])

@@ -18,7 +18,8 @@ from aw4d.io.images import write_png
 from aw4d.lighting import metered_white
 from aw4d.params import ExposureParams
 from aw4d.pipeline import LIGHT_LAYER, Plan, each_light, plan, prepare, render
-from aw4d.render import EACH_LIGHT, edit, with_clip_exposure
+from aw4d.render import EACH_LIGHT, EDITED_DEPTH, LABELS, edit, with_clip_exposure
+from aw4d.world.sizes import rain_extinction, snow_extinction
 from reference_numpy.srgb import LUMINANCE
 
 FRAMES, WIDTH, HEIGHT = 4, 160, 88
@@ -175,6 +176,39 @@ def later_and_now(street: Clip, weather: str, *sets: str) -> list[dict[str, NDAr
     layers = [layer for layer in ("puddle",) if layer in made.layers]
     still = street.frame(1, made.planes)
     return [render(NumpyBackend(), still, made, index, layers) for index in (0, 3)]
+
+
+def test_what_falls_is_haze_in_the_plan(street: Clip) -> None:
+    clear, dense = (plan(street, "rain", [f"rain.rate_mm_h={rate}"]).settings.fog.extinction for rate in (0, 25))
+    assert dense - clear == pytest.approx(rain_extinction(25))
+    assert plan(street, "snow").settings.fog.extinction == pytest.approx(clear + snow_extinction(1.5))
+
+
+def test_clouds_are_seen_through_rain(street: Clip) -> None:
+    grey, blue = (
+        picture(street, "rain", 1, *FALLING, f"overcast_sky.tint={tint}") for tint in ("0.6,0.6,0.6", "0.3,0.6,0.9")
+    )
+    sky = street.frame(1)["sky"]
+    assert (blue[sky][:, 2] / blue[sky][:, 0]).mean() > 1.1 * (grey[sky][:, 2] / grey[sky][:, 0]).mean()
+
+
+def test_the_edited_depth_has_flakes_and_snow(street: Clip) -> None:
+    sets = ["snow_cover.displacement=on", "snow.depth_cm=50", "snow.rate_mm_h=20"]
+    frame = next(edit(street, "snow", backend="numpy", frames=[1], assignments=sets, layers=[LABELS]))
+    source = street.frame(1)
+    assert "flake_depth" not in frame.layers
+    assert np.array_equal(frame.layers["depth"], source["depth"])
+    nearer = frame.layers[EDITED_DEPTH] < source["depth"]
+    assert nearer[source["sky"]].any()
+    assert nearer[~source["sky"]].mean() > 0.2
+    assert not (frame.layers[EDITED_DEPTH] > source["depth"]).any()
+
+
+def test_what_changes_nothing_is_said(street: Clip, caplog: pytest.LogCaptureFixture) -> None:
+    plan(street, "night", ["rain.rate_mm_h=20", "headlights.on=off"])
+    assert [record.getMessage() for record in caplog.records] == [
+        "--set rain.rate_mm_h=20 changes nothing: night has no rain"
+    ]
 
 
 FALLING = ("rain_streaks.rate_mm_h=0", "snow_fall.rate_mm_h=0")

@@ -299,10 +299,10 @@ def test_a_vehicle_that_drives_sheds_snow() -> None:
 # ---- ruts
 
 
-def on_road(x: Array, z: Array, held: dict[str, Any], p: SnowCoverParams) -> Array:
+def on_road(x: Array, z: Array, held: dict[str, Any], p: SnowCoverParams, wobble: float = 0.0) -> Array:
     own = {name: value for name, value in vars(p).items() if name.startswith("track_")}
     tables = {name: _widened(held[name]) for name in ("track_segment", "track_path")}
-    return snow.kept_in_tracks(x, z, np.zeros(np.shape(x)), **tables, **own)
+    return snow.kept_in_tracks(x, z, np.full(np.shape(x), wobble), **tables, **own)
 
 
 def test_ruts_lie_left_and_right_of_the_way() -> None:
@@ -313,6 +313,24 @@ def test_ruts_lie_left_and_right_of_the_way() -> None:
     for z in (-1.0, -10.0, -150.0):  # on the way, and where it goes on
         share = on_road(x, np.full(5, z) - held["vehicle_block"][0, 1] * BLOCK, held, p)
         assert np.allclose(share, [1, 0.06, 0.6, 0.06, 1])
+
+
+def test_ruts_wander_together() -> None:
+    p = SnowCoverParams()
+    held = dict(scene(info([looking((0.0, 1.6, -1.0 * i)) for i in range(20)]), 0, p).world)
+    x = np.linspace(-3, 3, 121)
+    z = np.full(x.shape, -10.0) - held["vehicle_block"][0, 1] * BLOCK
+    here, aside = (on_road(x - held["vehicle_block"][0, 0] * BLOCK, z, held, p, wobble) for wobble in (0.0, 0.1))
+    assert here.min() < 0.1
+    assert np.allclose(aside[2:], here[:-2]) or np.allclose(aside[:-2], here[2:])
+
+
+def test_a_walker_gives_no_vehicle_its_frame() -> None:
+    """Vehicles without a box are numbered after those with one, whatever the numbers of the walkers."""
+    car, walker = box(3, (3.0, 0.7, -9.0)), dataclasses.replace(box(4, (0.0, 0.9, -5.0)), category="Pedestrian")
+    rows = scene(info([looking()], [[car, walker]]), 0, SnowCoverParams()).world["vehicle_row"]
+    assert len(rows) == 5
+    assert rows[4] == 1
 
 
 def test_a_camera_that_stands_has_driven_straight() -> None:

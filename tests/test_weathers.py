@@ -28,6 +28,18 @@ def test_a_combination_has_the_light_of_its_hour(name: str, hour: str) -> None:
     assert settings(f"{name}+{hour}").ambient == settings(hour).ambient
 
 
+def test_overcast_lights_what_it_is_combined_with() -> None:
+    together = settings("rain+overcast")
+    assert together.ambient == settings("overcast").ambient
+    assert not together.headlights.on
+    assert settings("overcast+night").ambient == settings("night").ambient
+
+
+def test_sleet_is_as_wet_as_the_wetter_part() -> None:
+    assert settings("rain+snow", ["rain.rate_mm_h=0"]).wet_ground == settings("snow").wet_ground
+    assert settings("rain+snow", ["rain.amount=heavy"]).wet_ground == settings("rain", ["rain.amount=heavy"]).wet_ground
+
+
 def test_fog_in_rain_is_as_dense_as_fog() -> None:
     assert settings("rain+fog").fog.visibility_m == settings("fog").fog.visibility_m
     assert settings("rain").fog.visibility_m == 20_000

@@ -98,10 +98,10 @@ def test_what_lies_open_gets_wettest(turned: float, share: float) -> None:
 
 def test_snow_keeps_the_ground_dry() -> None:
     source = of_one_surface(0.2, 0.9)
-    covered = np.linspace(0, 1, SIZE[0] * SIZE[1], dtype=np.float32).reshape(SIZE)
-    wet = reference("wet_ground", source, WetGroundParams(), snow_coverage=covered)
+    covered = np.linspace(0, 1, SIZE[0] * SIZE[1]).reshape(SIZE)
+    wet = reference("wet_ground", source, WetGroundParams(), snow_bare=1 - covered)
     bare = reference("wet_ground", source, WetGroundParams())
-    assert np.allclose(wet["wetness"], bare["wetness"] * (1 - covered.astype(np.float64)), atol=1e-12)
+    assert np.allclose(wet["wetness"], bare["wetness"] * (1 - covered), atol=1e-12)
     assert np.array_equal(wet["albedo"][-1, -1], source["albedo"][-1, -1])
 
 
@@ -138,7 +138,7 @@ def test_the_sky_is_no_surface() -> None:
 def test_kernel_matches_reference(opencl_backend: OpenCLBackend, name: str) -> None:
     snow = np.random.default_rng(2).random(SIZE, dtype=np.float32)
     check(opencl_backend, "wet_ground", frame(), SETTINGS[name])
-    check(opencl_backend, "wet_ground", frame(), SETTINGS[name], snow_coverage=snow)
+    check(opencl_backend, "wet_ground", frame(), SETTINGS[name], snow_bare=snow)
 
 
 @pytest.mark.parametrize("size", SIZES)

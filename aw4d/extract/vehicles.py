@@ -32,7 +32,8 @@ AHEAD = 45.0  # [m] beyond it a car is a handful of returns
 ASIDE = 8.0  # [m] beyond it the ground need not be level with the lane
 
 
-def _is_vehicle(box: Box) -> bool:
+def is_vehicle(box: Box) -> bool:
+    """Whether a box is one of those that the plane `vehicle` knows."""
     return bool(set(box.category.lower().split(".")) & (CARS | LARGE))
 
 
@@ -268,7 +269,7 @@ def vehicle_ids(
     """
     check_sizes(camera, depth=depth, sky=sky, rgb=rgb)
     surface = camera.unproject(depth)
-    known = [_snapped(box, ground, camera) for box in boxes or () if _is_vehicle(box)]
+    known = [_snapped(box, ground, camera) for box in boxes or () if is_vehicle(box)]
     height = np.full(depth.shape, np.inf)
     if ground is not None:
         height = ground.height(surface)

@@ -14,14 +14,20 @@ MOST = 1_000_000  # particles a pass
 class RainStreaksParams(Params):
     """Drops near the camera. Paper, supplement "Precipitation Dynamics" and "Material Response Parameters".
 
-    After construction `opacity` is filled in.
+    After construction `drops` and `opacity` are filled in.
     """
 
     rate_mm_h: float = param(
         6.0, "mm/h", "the water that falls, which sets number and sizes of the drops", "", low=0, high=300, host=True
     )
-    drops: int = param(
-        30_000, "1", "the largest number of drops in the box around the view", "paper", low=0, high=MOST, host=True
+    drops: int | None = param(
+        None,
+        "1",
+        "the largest number of drops in the box around the view (physical: 30000, paper: 10000)",
+        "paper",
+        low=0,
+        high=MOST,
+        host=True,
     )
     reach_m: float = param(10.0, "m", "the distance up to which the largest drops are drawn", "", low=0.1, high=1e3)
     near_m: float = param(0.4, "m", "the depth nearer than which nothing is drawn", "", low=0.01, high=100)
@@ -43,6 +49,8 @@ class RainStreaksParams(Params):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.drops is None:
+            object.__setattr__(self, "drops", 10_000 if self.convention == "paper" else 30_000)
         if self.opacity is None:
             object.__setattr__(self, "opacity", 0.4 if self.convention == "paper" else 4.0)
 
@@ -51,7 +59,7 @@ class RainStreaksParams(Params):
 class SnowFallParams(Params):
     """Flakes near the camera. Paper, supplement "Particle-based falling snow".
 
-    After construction `flakes`, `wind_m_s` and `flutter_m` are filled in.
+    After construction `flakes`, `gust_m_s` and `flutter_m` are filled in.
     """
 
     rate_mm_h: float = param(
@@ -72,8 +80,14 @@ class SnowFallParams(Params):
     wind_m_s: RGB = param(
         (0.3, 0.0, 0.1), "m/s", "the wind along the world's x, y and z", "paper", low=-100, high=100, host=True
     )
-    gust_m_s: float = param(
-        0.2, "m/s", "the standard deviation of the flakes' speed along x and z", "", low=0, high=50, host=True
+    gust_m_s: float | None = param(
+        None,
+        "m/s",
+        "the standard deviation of the flakes' speed along x and z (physical: 0.2, paper: 0)",
+        "",
+        low=0,
+        high=50,
+        host=True,
     )
     flutter_m: float | None = param(
         None, "m", "how far a flake sways to either side (physical: 0.03, paper: 0)", "", low=0, high=10, host=True
@@ -90,5 +104,7 @@ class SnowFallParams(Params):
         paper = self.convention == "paper"
         if self.flakes is None:
             object.__setattr__(self, "flakes", 6_000 if paper else 30_000)
+        if self.gust_m_s is None:
+            object.__setattr__(self, "gust_m_s", 0.0 if paper else 0.2)
         if self.flutter_m is None:
             object.__setattr__(self, "flutter_m", 0.0 if paper else 0.03)

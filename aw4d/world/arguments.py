@@ -31,9 +31,11 @@ PREPARED: dict[str, Callable[[ClipInfo, Settings, int], dict[str, Any]]] = {
 
 def _haze(settings: Settings, passes: Collection[str]) -> dict[str, Any]:
     """What hangs in the air between particles: fog, where there is any."""
-    there = "fog" in passes and settings.fog.color is not None
-    color = settings.fog.color if there else (0.0, 0.0, 0.0)
-    return {"haze_extinction": settings.fog.extinction if there else 0.0, "haze_color": np.array(color, np.float32)}
+    fog = settings.fog
+    if "fog" not in passes or fog.color is None or not fog.extinction:
+        return {"haze_extinction": 0.0, "haze_color": np.zeros(3, np.float32)}
+    scattered = 1 - fog.alpha * fog.sigma_a / fog.extinction
+    return {"haze_extinction": fog.extinction, "haze_color": np.float32(scattered) * np.array(fog.color, np.float32)}
 
 
 def world_arguments(info: ClipInfo, settings: Settings, passes: Collection[str], index: int) -> dict[str, Any]:

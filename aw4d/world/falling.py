@@ -229,6 +229,7 @@ def particle_arguments(
 
 @lru_cache(maxsize=4)  # the frames of a clip share them
 def _rain_classes(p: RainStreaksParams, volume: float) -> Classes:
+    assert p.drops is not None  # set by __post_init__
     if p.convention == "paper":
         return _uniform(PAPER_DROPS_MM, p.drops)
     return classes(rain_sizes(p.rate_mm_h), p.drops, p.reach_m, volume)
@@ -261,11 +262,11 @@ def _snow_classes(p: SnowFallParams, volume: float) -> Classes:
 
 def snow_arguments(p: SnowFallParams, info: ClipInfo, index: int) -> dict[str, Any]:
     """What the pass `snow_fall` takes of its flakes in a frame; a pure function of parameters, clip and number."""
-    assert p.flutter_m is not None  # set by __post_init__
+    assert p.flutter_m is not None  # set by __post_init__, as the next one
+    assert p.gust_m_s is not None
     sides, middle = view_box(info, p.reach_m, index)
     held = _snow_classes(p, float(sides.prod()))
-    gusts = _gusts(0.0 if p.convention == "paper" else p.gust_m_s)
-    steady = np.asarray(p.wind_m_s) - held.speed[:, None] * (0.0, 1.0, 0.0) + gusts
+    steady = np.asarray(p.wind_m_s) - held.speed[:, None] * (0.0, 1.0, 0.0) + _gusts(p.gust_m_s)
     off, rate = _flutter(p.flutter_m, float(info.times[index]))
     fall = Fall(velocity=steady, off=off, rate=rate)
     return particle_arguments("snow", info, index, held, fall, p.reach_m, p.exposure_s, sides, middle)

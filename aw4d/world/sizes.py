@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -54,11 +53,10 @@ class Sizes:
     speed: Array
     number: Array
 
-    def extinction(self, below_mm: float = math.inf) -> float:
+    def extinction(self) -> float:
         """Share of light that is stopped [1/m]: twice the cross section (geometric optics with diffraction)."""
-        small = self.diameter_mm < below_mm
         area = np.pi / 4 * (self.diameter_mm * 1e-3) ** 2
-        return float(2 * (area * self.number)[small].sum())
+        return float(2 * (area * self.number).sum())
 
 
 def _exponential(
@@ -108,11 +106,11 @@ def snow_sizes(rate_mm_h: float) -> Sizes:
     return _exponential(rate_mm_h, slope, MELTED_MM, flake_diameter, speed)
 
 
-def rain_extinction(rate_mm_h: float, below_mm: float = math.inf) -> float:
-    """Extinction coefficient [1/m] of a rain's drops, or of those smaller than some diameter."""
-    return rain_sizes(rate_mm_h).extinction(below_mm)
+def rain_extinction(rate_mm_h: float) -> float:
+    """Extinction coefficient [1/m] of a rain's drops."""
+    return rain_sizes(rate_mm_h).extinction()
 
 
-def snow_extinction(rate_mm_h: float, below_mm: float = math.inf) -> float:
-    """Extinction coefficient [1/m] of a snowfall's flakes, or of those smaller than some diameter."""
-    return snow_sizes(rate_mm_h).extinction(below_mm)
+def snow_extinction(rate_mm_h: float) -> float:
+    """Extinction coefficient [1/m] of a snowfall's flakes."""
+    return snow_sizes(rate_mm_h).extinction()

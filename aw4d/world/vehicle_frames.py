@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from aw4d.camera import Camera
 from aw4d.clip import ClipInfo
+from aw4d.extract.vehicles import is_vehicle
 from aw4d.lights.vehicles import moving_vehicles
 from aw4d.params import VehicleLightParams
 from aw4d.world.anchor import anchor
@@ -41,7 +42,7 @@ def vehicle_frames(
         off it; `vehicle_kept` (n,) float32.
     """
     camera = info.camera(index)
-    boxes = info.boxes[index] if info.boxes else []
+    boxes = [box for box in info.boxes[index] if is_vehicle(box)] if info.boxes else []
     drive = moving_vehicles(info, moving or VehicleLightParams())
     world = anchor(camera, 0.0, info.world_origin)
     rows = np.zeros(max((box.track_id for box in boxes), default=-1) + 2, dtype=np.int32)
