@@ -18,7 +18,20 @@ from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
 from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
-from aw4d.passes import CHUNKS, EMPTY, GROUP_ITEMS, GROUPS, PASSES, TILE, WORKING, Stage, held_as, stages
+from aw4d.passes import (
+    CHUNKS,
+    DIGITS,
+    EMPTY,
+    GROUP_ITEMS,
+    GROUPS,
+    PASSES,
+    RECORD,
+    TILE,
+    WORKING,
+    Stage,
+    held_as,
+    stages,
+)
 from aw4d.scene import Scene
 from reference_numpy.sampling import gauss_legendre
 
@@ -147,6 +160,7 @@ class OpenCLBackend:
         key = (name, layers)
         if key not in self._kernels:
             options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
+            options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}"]
             # Not pyopencl's own cache: a kernel out of a binary has lost its argument names on Intel's runtime.
             # PoCL and the GPU drivers cache what they build by themselves.
             try:

@@ -28,7 +28,9 @@ from aw4d.params import (
 from reference_numpy.reflections import BLOCKS
 
 TILE = 16  # [px] side of the squares for which lights are sorted out; a multiple of every vector width
-CHUNKS = 64  # of particles that are counted together; as in particles.h
+CHUNKS = 64  # of particles that are counted together
+DIGITS = 256  # of a digit by which they are sorted
+RECORD = 32  # values a particle that is drawn
 GROUPS, GROUP_ITEMS = 64, 64  # enough to fill a GPU and to balance a CPU's cores
 
 
@@ -134,9 +136,9 @@ def _falling(name: str, params: type[Params], particles: str, layer: str) -> Pas
             "particle_key": lambda height, pitch, count: count,
             "particle_by_low": lambda height, pitch, count: count,
             "particle_order": lambda height, pitch, count: count,
-            "particle_counts": lambda height, pitch, count: 256 * CHUNKS,
+            "particle_counts": lambda height, pitch, count: DIGITS * CHUNKS,
             "particle_shown": lambda height, pitch, count: 1,
-            "particle_record": lambda height, pitch, count: 32 * count,
+            "particle_record": lambda height, pitch, count: RECORD * count,
             "particle_bits": _particle_bits,
         },
     )

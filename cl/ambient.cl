@@ -56,12 +56,6 @@ __kernel void ambient_quads(
         write_quads(ambient_quad, ambient_depth, from, u0 + W, -1, width, height, pitch);
 }
 
-/* Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014. */
-static inline floatw specular_occlusion(const floatw NoV, const floatw occlusion, const floatw roughness)
-{
-    return clamp(exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion, 0.0f, 1.0f);
-}
-
 /* Share of white surroundings' light that leaves the microfacets after more than one reflection. Fdez-Aguera 2019. */
 static inline floatw reflected_again(const floatw F0, const floatw A, const floatw B)
 {

@@ -6,6 +6,7 @@
  */
 #include "include/exp.h"
 #include "include/fbm.h"
+#include "include/ramps.h"
 #include "include/vec.h"
 #include "include/world.h"
 
@@ -16,12 +17,6 @@
 typedef struct {
     floatw of, left;
 } Share;
-
-static inline floatw smooth_ramp(const floatw t)
-{
-    const floatw x = clamp(t, 0.0f, 1.0f);
-    return x * x * fma(-2.0f, x, 3.0f);
-}
 
 static inline Share both(const Share a, const Share b)
 {

@@ -7,6 +7,7 @@
  */
 #include "include/brdf.h"
 #include "include/environment.h"
+#include "include/ramps.h"
 #include "include/vec.h"
 #include "include/world.h"
 
@@ -103,17 +104,6 @@ static inline floatw ramp(const floatw x)
     return clamp(x, 0.0f, 1.0f);
 }
 
-static inline floatw level_ends(const floatw x)
-{
-    return x * x * fma(-2.0f, x, (floatw)3.0f);
-}
-
-static inline Sharp sharp(const floatw x)
-{
-    const Sharp s = {x, 0.0f};
-    return s;
-}
-
 static inline Sharp sharp_times(const Sharp a, const Sharp b)
 {
     return sharp_product(a, b.hi, b.lo);
@@ -122,15 +112,6 @@ static inline Sharp sharp_times(const Sharp a, const Sharp b)
 static inline Sharp sharp_scaled(const Sharp a, const floatw b)
 {
     return sharp_product(a, b, 0.0f);
-}
-
-static inline Sharp sharp_quotient(const Sharp a, const Sharp b)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    Sharp q;
-    q.hi = a.hi / b.hi;
-    q.lo = (fma(-q.hi, b.hi, a.hi) + (a.lo - q.hi * b.lo)) / b.hi;
-    return q;
 }
 
 static inline Sharp inverse(const float f)
@@ -230,7 +211,7 @@ static inline floatw covers(
     const floatw width = fma(m->lobe, t, pixel);
     const floatw thick = fma(pixel, (floatw)stride, (floatw)k->thickness_m), ground = fma(t, (floatw)GROUND_SLOPE, (floatw)GROUND_M);
     const floatw inv = 1.0f / (thick * ground); /* one division for two */
-    const floatw cdf = level_ends(ramp(0.5f * q / width + 0.5f));
+    const floatw cdf = smooth_ramp(0.5f * q / width + 0.5f);
     floatw share = fmax(cdf - m->below, 0.0f) * m->inv_above;
     share *= ramp(fma(thick + width - q, inv * ground * (1.0f / FADE), (floatw)1.0f));
     share *= ramp(fma(h, inv * thick, (floatw)-1.0f));
@@ -443,18 +424,12 @@ static inline Mirrored mirrored(
     m.lean.hi = SELECTW(steep, m.lean.hi, 0.0f);
     m.lean.lo = SELECTW(steep, m.lean.lo, 0.0f);
     m.inv_Lz = 1.0f / fmax(Lz, MIN_AHEAD);
-    *fit = level_ends(ramp(rise * (1.0f / MIN_RISE) - 1.0f)) * level_ends(ramp(2.0f - 2.0f * fabs(m.lean.hi)))
-        * level_ends(ramp(Lz * (1.0f / MIN_AHEAD) - 1.0f));
+    *fit = smooth_ramp(rise * (1.0f / MIN_RISE) - 1.0f) * smooth_ramp(2.0f - 2.0f * fabs(m.lean.hi))
+        * smooth_ramp(Lz * (1.0f / MIN_AHEAD) - 1.0f);
     m.lobe = LOBE * roughness * roughness;
-    m.below = level_ends(ramp(0.5f - 0.5f * *sine / (cosine * fmax(m.lobe, 1e-6f))));
+    m.below = smooth_ramp(0.5f - 0.5f * *sine / (cosine * fmax(m.lobe, 1e-6f)));
     m.inv_above = 1.0f / (1.0f - m.below);
     return m;
-}
-
-/* Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014. */
-static inline floatw specular_occlusion(const floatw NoV, const floatw occlusion, const floatw roughness)
-{
-    return clamp(exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion, 0.0f, 1.0f);
 }
 
 /* The lobes that stand for the reflection's as one: shares A and B of the parts of Schlick's Fresnel term, and turn and
@@ -532,7 +507,7 @@ __kernel void reflections(
     const floatw u = (float)u0 + LANES;
     Mirrored m = mirrored(
         nx, ny, nz, fmin(LOADW(depth + i), NOTHING), u, (float)v, rough, fx, fy, cx, cy, upward, &fit, &NoV);
-    const floatw weight = wet * level_ends(ramp((max_roughness - rough) / (SMOOTH * max_roughness))) * fit;
+    const floatw weight = wet * smooth_ramp((max_roughness - rough) / (SMOOTH * max_roughness)) * fit;
     m.on = on & (weight > 0.0f);
     Walk k;
     k.pixels = reflection_pixels;

@@ -6,6 +6,7 @@
  */
 #include "include/exp.h"
 #include "include/noise.h"
+#include "include/ramps.h"
 #include "include/vec.h"
 #include "include/world.h"
 
@@ -34,13 +35,6 @@ __constant uint PATCH_SEEDS[LEVELS] = {0x61u, 0x62u, 0x63u};
 typedef struct {
     floatw height, along_x, along_z;
 } Snow;
-
-/* 0 to 1, level at both ends, over t from 0 to 1. */
-static inline floatw ramp(const floatw x)
-{
-    const floatw t = fmin(fmax(x, 0.0f), 1.0f);
-    return t * t * fma(t, -2.0f, 3.0f);
-}
 
 /* Sums of one cascade's kernels at the place (u, w) in the cell (column, row), cells of 1. */
 static inline Snow cascade(const intw column, const intw row, const floatw u, const floatw w, const uint seed)
@@ -102,7 +96,7 @@ static inline floatw patches(const Place place, const int block_x, const int blo
         *octave = o == 0 ? noise : *octave;
         fbm = fma(noise, (float)(4 >> o) / 7.0f, fbm);
     }
-    return ramp((fbm - 0.3f) * (1.0f / 0.4f));
+    return smooth_ramp((fbm - 0.3f) * (1.0f / 0.4f));
 }
 
 /* Squared distance of places to one piece of a way, and on which side of it they are; the difference across it keeps its digits a kilometre along it. */
@@ -155,8 +149,8 @@ static inline floatw kept_in_tracks(
         if (!found)
             continue;
         const floatw aside = fabs(fma(side, sqrt(nearest2), wobble)) - 0.5f * gauge;
-        const floatw rut = 1.0f - ramp((fabs(aside) - (0.5f * width - EDGE)) * (0.5f / EDGE));
-        const floatw lane = 1.0f - ramp(aside * (1.0f / SHOULDER));
+        const floatw rut = 1.0f - smooth_ramp((fabs(aside) - (0.5f * width - EDGE)) * (0.5f / EDGE));
+        const floatw lane = 1.0f - smooth_ramp(aside * (1.0f / SHOULDER));
         kept = fmin(kept, fma(rut, share - 1.0f, 1.0f) * fma(lane, middle - 1.0f, 1.0f));
     }
     return kept;
@@ -280,10 +274,10 @@ __kernel void snow_cover(
     const floatw nx = LOADW(normal + i), ny = LOADW(normal + i + plane), nz = LOADW(normal + i + 2 * plane);
     const floatw over_steep = dot_less(nx, up[0], ny, up[1], nz, up[2], up_steep);
     const float ramped = 1.0f / (up_flat - up_steep);
-    const floatw open = ramp(over_steep * ramped);
+    const floatw open = smooth_ramp(over_steep * ramped);
     const intw above = LOADMASKW(sky + i);
     const floatw stays = SELECTW(above, 0.0f, open);
-    const floatw slips = SELECTW(above, 1.0f, ramp(fma(-ramped, over_steep, 1.0f)));
+    const floatw slips = SELECTW(above, 1.0f, smooth_ramp(fma(-ramped, over_steep, 1.0f)));
     intw waiting = stays > 0.0f;
     if (!ANYW(waiting)) {
         STOREW((floatw)0.0f, snow_coverage + i);

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_numpy.brdf import DIELECTRIC_F0, MIN_NOV, brdf
-from reference_numpy.environment import PARTS, lobes, lookup, reflection
+from reference_numpy.environment import PARTS, lobes, lookup, reflection, specular_occlusion
 from reference_numpy.occlusion import ambient_occlusion
 from reference_numpy.sampling import rays
 from reference_numpy.shadow import sun_shadow
@@ -175,8 +175,3 @@ def _reflected_again(F0: Array, A: Array, B: Array) -> Array:
     lost = 1 - (A + B)  # of the light on a perfect mirror
     mean = F0 + (1 - F0) / 21  # of Schlick's F over the half space
     return (F0 * A + B) * mean * lost / (1 - mean * lost)
-
-
-def specular_occlusion(NoV: Array, occlusion: Array, roughness: Array) -> Array:
-    """Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014."""
-    return np.clip((NoV + occlusion) ** np.exp2(-16 * roughness - 1) - 1 + occlusion, 0.0, 1.0)

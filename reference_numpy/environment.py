@@ -99,3 +99,8 @@ def reflection(table: Array, part: Array, mirror: Array, normal: Array) -> Array
         d = mirror + turn[..., None] * (normal - mirror)
         light += share[..., None] * prefiltered(table, d, roughness)
     return light
+
+
+def specular_occlusion(NoV: Array, occlusion: Array, roughness: Array) -> Array:
+    """Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014."""
+    return np.clip((NoV + occlusion) ** np.exp2(-16 * roughness - 1) - 1 + occlusion, 0.0, 1.0)

@@ -20,6 +20,7 @@ from reference_numpy.environment import prefiltered
 from reference_numpy.lamp import DIRECTIONAL, EPSILON, lamp
 from reference_numpy.noise import hash2
 from reference_numpy.phase import henyey_greenstein
+from reference_numpy.ramps import smoothstep
 
 Array = NDArray[np.float64]
 
@@ -152,8 +153,8 @@ def capsules(
     else:
         seen = np.pi * r**2 * clip
     depth = scale * z
-    near = _ramp((depth / near_m - 1) / FADE_NEAR)
-    far = _ramp((1 - (place**2).sum(axis=1) / reach_m**2) / FADE_FAR)
+    near = smoothstep(0.0, 1.0, (depth / near_m - 1) / FADE_NEAR)
+    far = smoothstep(0.0, 1.0, (1 - (place**2).sum(axis=1) / reach_m**2) / FADE_FAR)
     return Capsules(
         place=scale[:, None] * place,
         depth=depth.astype(np.float32),
@@ -164,12 +165,6 @@ def capsules(
         opacity=np.where(ahead, np.minimum(opacity * seen / drawn, 1.0) * near * far, 0.0),
         covers=np.minimum(1.0, 4 * r / (rho_head + rho_tail)) * near * far,
     )
-
-
-def _ramp(t: Array) -> Array:
-    """0 to 1 for t from 0 to 1, without a kink."""
-    t = np.clip(t, 0.0, 1.0)
-    return t * t * (3 - 2 * t)
 
 
 def in_order(depth: NDArray[np.float32], steps: float) -> NDArray[np.int64]:
@@ -262,7 +257,7 @@ def blend(
         at = np.s_[first[1] : last[1] + 1, first[0] : last[0] + 1]
         v, u = np.mgrid[at]
         z = float(drops.depth[i])
-        shows = _profile(drops, i, u, v) * _ramp((1 - z / surface[at]) / BEHIND)
+        shows = _profile(drops, i, u, v) * smoothstep(0.0, 1.0, (1 - z / surface[at]) / BEHIND)
         a = drops.opacity[i] * shows
         covers = np.clip((drops.covers[i] * shows - 0.5) * COVERED + 0.5, 0.0, 1.0)
         left = (1 - alpha[at]) * a

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_numpy.fbm import fbm
+from reference_numpy.ramps import smoothstep
 from reference_numpy.sampling import rays
 from reference_numpy.wet_ground import unit_normals
 from reference_numpy.world import places
@@ -23,13 +24,6 @@ from reference_numpy.world import places
 Array = NDArray[np.float64]
 
 WATER_INDEX = 1.333  # of refraction
-
-
-def smoothstep(low: float, high: float, x: Array) -> Array:
-    """0 below one end, 1 beyond the other, without a kink at either; `low` may be the greater."""
-    t = np.clip((x - low) / (high - low), 0.0, 1.0)
-    out: Array = t * t * (3 - 2 * t)
-    return out
 
 
 def printed_mask(noise: Array) -> Array:

@@ -26,9 +26,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_numpy.ambient import specular_occlusion
 from reference_numpy.brdf import DIELECTRIC_F0, MIN_NOV
-from reference_numpy.environment import PARTS, lobes, prefiltered
+from reference_numpy.environment import PARTS, lobes, prefiltered, specular_occlusion
+from reference_numpy.ramps import smoothstep
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -115,7 +115,7 @@ def reflections(
     picture = _Picture(rgb, emissive, np.where(sky, NOTHING, np.minimum(depth, NOTHING)), fy)
     ray = _Mirrored(u, v, depth[on], normal[on], roughness[on], fx, fy, cx, cy, np.asarray(up, dtype=np.float64))
     covered, seen = _walk(picture, ray, steps, reach_m, thickness_m)
-    weight = wet[on] * _smooth(_ramp((max_roughness - roughness[on]) / (SMOOTH * max_roughness))) * ray.fit
+    weight = wet[on] * smoothstep(0.0, 1.0, (max_roughness - roughness[on]) / (SMOOTH * max_roughness)) * ray.fit
     share, L_env = _surroundings(
         ray, np.clip(albedo[on], 0.0, 1.0), roughness[on], metallic[on], env_rotation, env_specular, env_brdf
     )
@@ -182,9 +182,9 @@ class _Mirrored:
         rise = -down / fy
         self.lean = across / np.minimum(down, -MIN_RISE * fy)  # [px] to the right, a row down
         climbs, upright, ahead = rise / MIN_RISE - 1, 2 - 2 * np.abs(self.lean), Lz / MIN_AHEAD - 1
-        self.fit = _smooth(_ramp(climbs)) * _smooth(_ramp(upright)) * _smooth(_ramp(ahead))
+        self.fit = smoothstep(0.0, 1.0, climbs) * smoothstep(0.0, 1.0, upright) * smoothstep(0.0, 1.0, ahead)
         self.lobe = LOBE * roughness**2  # [rad], half its width
-        self.below = _smooth(_ramp(0.5 - 0.5 * sine / (cosine * np.maximum(self.lobe, 1e-6))))
+        self.below = smoothstep(0.0, 1.0, 0.5 - 0.5 * sine / (cosine * np.maximum(self.lobe, 1e-6)))
 
 
 MIN_COSINE = 0.05  # looking straight down, there is no plane
@@ -276,7 +276,7 @@ def _covers(
     pixel = z / fy
     width = pixel + ray.lobe[on] * t
     below = ray.below[on]
-    share = np.maximum(_smooth(_ramp(0.5 + 0.5 * q / width)) - below, 0.0) / (1 - below)
+    share = np.maximum(smoothstep(0.0, 1.0, 0.5 + 0.5 * q / width) - below, 0.0) / (1 - below)
     thick = thickness + stride * pixel
     share = share * _ramp(1 + (thick + width - q) / (FADE * thick))
     share = share * _ramp(h / (GROUND_M + GROUND_SLOPE * t) - 1)
@@ -313,8 +313,3 @@ def _surroundings(
 
 def _ramp(x: Array) -> Array:
     return np.clip(x, 0.0, 1.0)
-
-
-def _smooth(x: Array) -> Array:
-    """0 to 1 with level ends."""
-    return x * x * (3 - 2 * x)

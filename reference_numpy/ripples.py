@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_numpy.noise import Hash, halves, hash2, scramble, unit
-from reference_numpy.puddles import smoothstep
+from reference_numpy.ramps import smoothstep
 from reference_numpy.sampling import rays
 from reference_numpy.world import Cells, cells_of, places
 

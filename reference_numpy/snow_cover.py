@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from reference_numpy.noise import hash2, value_noise
+from reference_numpy.ramps import smoothstep
 from reference_numpy.sampling import rays
 from reference_numpy.world import BLOCK, cells_of
 
@@ -46,12 +47,6 @@ EDGE = 0.08  # [m] half the width over which a rut's side rises
 SHOULDER = 0.5  # [m] beyond the ruts, over which the untouched snow begins
 NEARER = 1.001  # a piece must be this much nearer, squared, to say on which side a place lies: ways may fold back
 WOBBLE = 0.1  # [m] that ruts wander to either side
-
-
-def ramp(t: Array) -> Array:
-    """0 to 1, level at both ends, over t from 0 to 1."""
-    t = np.clip(t, 0, 1)
-    return np.asarray(t * t * (3 - 2 * t), dtype=np.float64)
 
 
 def metaballs(x: Array, z: Array, block: ArrayLike) -> tuple[Array, Array, Array]:
@@ -102,7 +97,7 @@ def patches(x: Array, z: Array, block: ArrayLike) -> tuple[Array, Array]:
         row, w = cells_of(z, row_block, cells)
         octaves.append(value_noise(column, row, u, w, seed))
     fbm = (4 * octaves[0] + 2 * octaves[1] + octaves[2]) / 7
-    return ramp((fbm - PATCH_LOW) / (PATCH_HIGH - PATCH_LOW)), octaves[0]
+    return smoothstep(0.0, 1.0, (fbm - PATCH_LOW) / (PATCH_HIGH - PATCH_LOW)), octaves[0]
 
 
 def kept_in_tracks(
@@ -143,15 +138,15 @@ def kept_in_tracks(
             side = np.where(clearly, np.where(across < 0, -1.0, 1.0), side)
             nearest = np.minimum(nearest, distance)
         aside = np.abs(side * nearest + wobble) - track_gauge_m / 2
-        rut = 1 - ramp((np.abs(aside) - track_width_m / 2 + EDGE) / (2 * EDGE))
-        lane = 1 - ramp(aside / SHOULDER)
+        rut = 1 - smoothstep(0.0, 1.0, (np.abs(aside) - track_width_m / 2 + EDGE) / (2 * EDGE))
+        lane = 1 - smoothstep(0.0, 1.0, aside / SHOULDER)
         kept = np.minimum(kept, (1 - (1 - track_share) * rut) * (1 - (1 - track_middle) * lane))
     return kept
 
 
 def gate(n_up: Array, *, up_flat: float, up_steep: float) -> Array:
     """Share of the snow that stays on a slope, by its normal's component upwards: 0 to `up_steep`, 1 from `up_flat`."""
-    return ramp((n_up - up_steep) / (up_flat - up_steep))
+    return smoothstep(0.0, 1.0, (n_up - up_steep) / (up_flat - up_steep))
 
 
 def coverage(height: Array, *, cover_cm: float, gamma: float, convention: str) -> Array:

@@ -14,7 +14,8 @@ from aw4d.gbuffer import GBuffer
 from aw4d.params import PuddlesParams
 from aw4d.world import anchor
 from reference_numpy.fbm import fbm
-from reference_numpy.puddles import printed_mask, smoothstep
+from reference_numpy.puddles import printed_mask
+from reference_numpy.ramps import smoothstep
 from tests.ground_inputs import FAR, SIZES, check, frame, pose, reference, run, scene, unchanged, wall
 from tests.lit_inputs import unchecked
 

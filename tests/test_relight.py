@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 from pathlib import Path
 
@@ -205,7 +206,8 @@ def test_the_edited_depth_has_flakes_and_snow(street: Clip) -> None:
 
 
 def test_what_changes_nothing_is_said(street: Clip, caplog: pytest.LogCaptureFixture) -> None:
-    plan(street, "night", ["rain.rate_mm_h=20", "headlights.on=off"])
+    with caplog.at_level(logging.INFO, logger="aw4d"):  # an earlier --quiet may have silenced it
+        plan(street, "night", ["rain.rate_mm_h=20", "headlights.on=off"])
     assert [record.getMessage() for record in caplog.records] == [
         "--set rain.rate_mm_h=20 changes nothing: night has no rain"
     ]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from aw4d.errors import InputError
 from aw4d.params.base import Params, param
 from reference_numpy.noise import value_noise
-from reference_numpy.puddles import smoothstep
+from reference_numpy.ramps import smoothstep
 from reference_numpy.ripples import expected_slope_variance
 from reference_numpy.world import BLOCK
 

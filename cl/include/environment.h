@@ -113,4 +113,10 @@ static inline Quad reflection(
     }
     return out;
 }
+
+/* Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014. */
+static inline floatw specular_occlusion(const floatw NoV, const floatw occlusion, const floatw roughness)
+{
+    return clamp(exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion, 0.0f, 1.0f);
+}
 #endif

@@ -15,6 +15,8 @@
 #include "lamp.h"
 #include "noise.h"
 #include "phase.h"
+#include "ramps.h"
+#include "sharp.h"
 #include "vec.h"
 #include "world.h"
 
@@ -22,9 +24,6 @@
 #define CLASSES 1024
 #define KEYS 65536
 #define NONE 0xFFFFFFFFu /* key of what does not show */
-#define CHUNKS 64        /* of particles that are counted together */
-#define DIGITS 256
-#define RECORD 32        /* floats a particle */
 #define WORD 64          /* particles a word of bits */
 #define SOFT_PX 1.4f
 #define DISC 5.0f
@@ -35,6 +34,8 @@
 #define FADE_FAR 0.36f
 #define BEHIND 0.01f
 #define COVERED 4.0f
+
+/* Given at build time: CHUNKS of particles that are counted together, DIGITS of a sort, RECORD floats a particle. */
 
 /* What a pass is told of its particles; see `particle_arguments` in aw4d/world/falling.py. */
 typedef struct {
@@ -57,45 +58,10 @@ typedef struct {
     floatw opacity, covers;
 } Capsule;
 
-static inline Sharp sharp(const floatw x)
-{
-    const Sharp s = {x, 0.0f};
-    return s;
-}
-
-/* The same number with all of hi's digits: a sum may have cancelled. */
-static inline Sharp settled(const Sharp a)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    Sharp s;
-    s.hi = a.hi + a.lo;
-    s.lo = a.lo - (s.hi - a.hi);
-    return s;
-}
-
 static inline Sharp sharp_difference(const Sharp a, const Sharp b)
 {
     const Sharp minus = {-b.hi, -b.lo};
-    return settled(sharp_sum(a, minus));
-}
-
-static inline Sharp sharp_quotient(const Sharp a, const Sharp b)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    Sharp q;
-    q.hi = a.hi / b.hi;
-    q.lo = (fma(-q.hi, b.hi, a.hi) + (a.lo - q.hi * b.lo)) / b.hi;
-    return q;
-}
-
-/* a b lane by lane. */
-static inline Sharp lanes_product(const Sharp a, const floatw b)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    Sharp p;
-    p.hi = a.hi * b;
-    p.lo = fma(a.hi, b, -p.hi) + a.lo * b;
-    return p;
+    return sharp_tidy(sharp_sum(a, minus));
 }
 
 static inline Sharp sharp_square(const Sharp a)
@@ -114,13 +80,6 @@ static inline Sharp sharp_integer(const intw i)
     return s;
 }
 
-/* 0 to 1 for t from 0 to 1, without a kink. */
-static inline floatw ramp(const floatw t)
-{
-    const floatw s = clamp(t, 0.0f, 1.0f);
-    return s * s * fma(-2.0f, s, (floatw)3.0f);
-}
-
 /* One coordinate of places in their boxes, in units, as seen from the eye. */
 static inline Sharp in_box(const Falling f, const intw i, const floatw at, const int axis)
 {
@@ -131,7 +90,7 @@ static inline Sharp in_box(const Falling f, const intw i, const floatw at, const
 static inline Sharp along_row(const Sharp a, const Sharp b, const Sharp c, __global const float *restrict row)
 {
     const Sharp ab = sharp_sum(sharp_product(a, row[0], 0.0f), sharp_product(b, row[1], 0.0f));
-    return settled(sharp_sum(ab, sharp_product(c, row[2], 0.0f)));
+    return sharp_tidy(sharp_sum(ab, sharp_product(c, row[2], 0.0f)));
 }
 
 /* Pixel of a point. */
@@ -165,7 +124,7 @@ static inline Capsule capsule(const Falling f, const intw i)
     const intw all = kept.hi >= 1.0f;
     kept.hi = SELECTW(all, 1.0f, kept.hi);
     kept.lo = SELECTW(all, 0.0f, kept.lo);
-    const Sharp hx = lanes_product(kept, move.x), hy = lanes_product(kept, move.y), hz = lanes_product(kept, move.z);
+    const Sharp hx = sharp_product(kept, move.x, 0.0f), hy = sharp_product(kept, move.y, 0.0f), hz = sharp_product(kept, move.z, 0.0f);
     const Sharp head_z = sharp_sum(z, hz), tail_z = sharp_difference(z, hz);
     c.head_u = pixel(sharp_sum(x, hx), head_z, f.fx, f.cx);
     c.head_v = pixel(sharp_sum(y, hy), head_z, f.fy, f.cy);
@@ -187,14 +146,14 @@ static inline Capsule capsule(const Falling f, const intw i)
         ? fma(r_head + r_tail, c.length, 0.5f * M_PI_F * fma(r_head, r_head, r_tail * r_tail))
         : M_PI_F * r * r * kept.hi;
 
-    const Sharp depth = lanes_product(z, scale);
+    const Sharp depth = sharp_product(z, scale, 0.0f);
     c.x = scale * x.hi;
     c.y = scale * y.hi;
     c.z = depth.hi + depth.lo;
     const Sharp d2 = sharp_sum(sharp_sum(sharp_square(x), sharp_square(y)), sharp_square(z));
     const Sharp reach2 = sharp_square(sharp((floatw)(f.reach_m)));
     const floatw past_near = (depth.hi - f.near_m) + depth.lo, to_reach = sharp_difference(reach2, d2).hi;
-    const floatw fade = ramp(past_near / (FADE_NEAR * f.near_m)) * ramp(to_reach / (FADE_FAR * reach2.hi));
+    const floatw fade = smooth_ramp(past_near / (FADE_NEAR * f.near_m)) * smooth_ramp(to_reach / (FADE_FAR * reach2.hi));
     c.opacity = SELECTW(ahead & (i < f.count), fmin(f.opacity * seen / drawn, 1.0f) * fade, 0.0f);
     c.covers = fmin(1.0f, 4.0f * r / both) * fade;
     return c;
@@ -480,7 +439,7 @@ static inline void add_particle(Strip *strip, __global const float *restrict rec
         const floatw shape = profile(record, u, (floatw)(v0 + k));
         if (!ANYW(shape > 0.0f))
             continue;
-        const floatw shows = shape * ramp((strip->surface[k] - z) * strip->inv_surface[k] * (1.0f / BEHIND));
+        const floatw shows = shape * smooth_ramp((strip->surface[k] - z) * strip->inv_surface[k] * (1.0f / BEHIND));
         const floatw a = record[OPACITY] * shows, left = fma(-strip->alpha[k], a, a);
         strip->r[k] = fma(left, record[RED], strip->r[k]);
         strip->g[k] = fma(left, record[GREEN], strip->g[k]);

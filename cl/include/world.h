@@ -5,50 +5,15 @@
  */
 #ifndef WORLD_H
 #define WORLD_H
+#include "sharp.h"
 #include "vec.h"
 
 #define BLOCK 160.0f     /* [m] a side */
-
-/* A number is hi + lo. */
-typedef struct {
-    floatw hi, lo;
-} Sharp;
 
 /* Places [m] from the corner of the camera's block, along the world's axes. */
 typedef struct {
     Sharp x, y, z;
 } Place;
-
-/* a + b. Knuth's two-sum. */
-static inline Sharp sharp_sum(const Sharp a, const Sharp b)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    Sharp s;
-    s.hi = a.hi + b.hi;
-    const floatw part = s.hi - a.hi;
-    s.lo = ((a.hi - (s.hi - part)) + (b.hi - part)) + (a.lo + b.lo);
-    return s;
-}
-
-/* The same number, as much of it as can be in hi: after a sum in which digits cancelled, lo is not small beside hi. */
-static inline Sharp sharp_tidy(const Sharp a)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    Sharp s;
-    s.hi = a.hi + a.lo;
-    s.lo = a.lo - (s.hi - a.hi);
-    return s;
-}
-
-/* a b for a number b + b_lo. */
-static inline Sharp sharp_product(const Sharp a, const floatw b, const floatw b_lo)
-{
-#pragma OPENCL FP_CONTRACT OFF
-    Sharp p;
-    p.hi = a.hi * b;
-    p.lo = fma(a.hi, b, -p.hi) + fma(a.lo, b, a.hi * b_lo);
-    return p;
-}
 
 /* d z / f: how far a pixel d off the middle [px] lies aside at depth z. */
 static inline Sharp aside(const floatw d, const floatw z, const float f)
