@@ -212,6 +212,7 @@ __kernel void fog(
     __global const float *restrict light_direction,
     __global const float *restrict light_intensity,
     __global const float *restrict light_r_max,         /* [m] */
+    __global const int *restrict light_in_air,          /* 0: does not show in the air */
     __global const float *restrict light_shape,         /* cos_outer, its sine squared, 1 / (cos_inner - cos_outer), 1 / r_max */
     __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
     __global const float *restrict node_x,              /* upper half of the abscissae on [-1, 1] */
@@ -256,6 +257,8 @@ __kernel void fog(
     floatw r = 0.0f, g_ = 0.0f, b = 0.0f;
     for (int l = 0; l < light_count; l++) {
         const int kind = light_kind[l];
+        if (!light_in_air[l])
+            continue;
         if (kind != DIRECTIONAL && convention != PAPER && misses(vload4(l, light_ball), bundle, half_angle, s))
             continue;
         const float3 E = vload3(l, light_intensity) * (gamma * scattering);

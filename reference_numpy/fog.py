@@ -40,6 +40,7 @@ def fog(
     light_cos_inner: Array,
     light_cos_outer: Array,
     light_r_max: Array,
+    light_in_air: NDArray[np.int32],
     sigma_s: float,
     sigma_a: float,
     alpha: float,
@@ -73,6 +74,8 @@ def fog(
         (L,) cosines of a spot's half angles, inner > outer > 0.
     light_r_max
         (L,) reach [m], > 0.
+    light_in_air
+        (L,) 0 for a light that does not show in the air, else 1.
     sigma_s, sigma_a
         Scattering and absorption coefficients [1/m], >= 0.
     alpha
@@ -106,7 +109,7 @@ def fog(
     opacity = -np.expm1(-extinction * s)
 
     in_scatter = np.zeros_like(rgb, dtype=np.float64)
-    for i in range(len(light_kind)):
+    for i in np.flatnonzero(light_in_air):
         if light_kind[i] == DIRECTIONAL:
             glow = _directional(ray, s, opacity, light_direction[i], extinction=extinction, g=g, paper=paper)
         else:
@@ -122,7 +125,7 @@ def fog(
             if paper:
                 glow = _at_surface(source, ray, s, g=g)
             else:
-                glow = _along_ray(source, ray, s, extinction=extinction, g=g, nodes=nodes)
+                glow = along_ray(source, ray, s, extinction=extinction, g=g, nodes=nodes)
         in_scatter += gamma * scattering * glow[..., None] * light_intensity[i]
 
     fog_color = np.asarray(color, dtype=np.float64)
@@ -157,7 +160,7 @@ def _at_surface(lamp: Lamp, ray: Array, s: Array, *, g: float) -> Array:
     return henyey_greenstein(cos_theta, g=g) * lamp.cone(to_surface @ lamp.direction / r) * lamp.window(r2) / r2
 
 
-def _along_ray(lamp: Lamp, ray: Array, s: Array, *, extinction: float, g: float, nodes: int) -> Array:
+def along_ray(lamp: Lamp, ray: Array, s: Array, *, extinction: float, g: float, nodes: int) -> Array:
     """Single-scattering integral along each ray, equiangular (Kulla and Fajardo 2012), Gauss-Legendre in the angle.
 
     The substitution x = t0 - D cot(a) makes the 1/r^2 vanish: dx / r^2 = da / D, where a is the scattering angle, D the

@@ -40,6 +40,15 @@ class FogParams(Params):
         high=1e3,
     )
     nodes: int = param(8, "1", "the even number of quadrature nodes a light", "Gauss-Legendre", low=2, high=64)
+    faintest: float = param(
+        5e-4,
+        "white",
+        "the glow in the air under which a lamp outside the picture is left out of it; 0 keeps all",
+        "",
+        low=0,
+        high=1,
+        host=True,
+    )
     extent_m: float = param(2e4, "m", "the longest path through the fog, also to the sky", "", low=1, high=1e5)
     convention: Literal["physical", "paper"] = param("physical", "", "the formulas: physical or paper", "docs/paper.md")
 
