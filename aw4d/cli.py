@@ -5,21 +5,22 @@ from __future__ import annotations
 import json
 import logging
 import sys
-from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.logging import RichHandler
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
+from aw4d.cli_eval import eval_
+from aw4d.console import bar, err_console, out_console, watched
 from aw4d.errors import InputError
+from eval.errors import MetricError
 
 if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
     from aw4d.io.source import Source
-    from aw4d.render import Frame
 
 # Every command imports what it runs when it runs, so that none pays for another's libraries.
 app = typer.Typer(
@@ -27,9 +28,9 @@ app = typer.Typer(
 )
 ingest_app = typer.Typer(help="Turn a recording into a clip (a Zarr folder, a chunk a frame).", no_args_is_help=True)
 app.add_typer(ingest_app, name="ingest")
-
-out_console = Console()
-err_console = Console(stderr=True)
+reproduce_app = typer.Typer(help="The paper's results.", no_args_is_help=True)
+app.add_typer(reproduce_app, name="reproduce")
+app.command("eval")(eval_)
 
 ClipPath = Annotated[Path, typer.Argument(help="A clip made by `aw4d ingest`.")]
 OutClip = Annotated[Path, typer.Option("-o", "--out", help="The clip to write.")]
@@ -50,17 +51,6 @@ def _common(quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progre
     handler = RichHandler(console=err_console, show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
     logging.getLogger("aw4d").setLevel(logging.ERROR if quiet else logging.INFO)
-
-
-def _bar() -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=err_console)
-
-
-def _counted(frames: Iterable[Frame], description: str, total: int) -> Iterator[Frame]:
-    """Pass frames on and draw a bar."""
-    with _bar() as bar:
-        yield from bar.track(frames, total=total, description=description)
 
 
 def _show(bar: Progress, task: TaskID, done: int, total: int) -> None:
@@ -94,26 +84,26 @@ def demo(
     path = out / f"street_{width}x{height}_{frames}.aw4d"
     if not path.exists():
         _ingest_street(path, frames, width, height)
-    for file in run(Clip(path), out, chosen, lambda items, name: _counted(items, name, frames)):
+    for file in run(Clip(path), out, chosen, lambda items, name: watched(items, name, frames)):
         print(file)
 
 
 def _ingest_street(path: Path, frames: int, width: int, height: int) -> None:
     from aw4d.ingest import ingest_street
 
-    with _bar() as bar:
-        task = bar.add_task("drawing the street", total=frames)
-        show = partial(_show, bar, task)
+    with bar() as drawn:
+        task = drawn.add_task("drawing the street", total=frames)
+        show = partial(_show, drawn, task)
         ingest_street(path, frames=frames, width=width, height=height, progress=show)
 
 
 def _ingest(source: Source, out: Path, overwrite: bool) -> None:
     from aw4d.ingest import ingest
 
-    with _bar() as bar:
-        task = bar.add_task("ingesting", total=len(source.info))
+    with bar() as drawn:
+        task = drawn.add_task("ingesting", total=len(source.info))
         try:
-            clip = ingest(source, out, overwrite=overwrite, progress=partial(_show, bar, task))
+            clip = ingest(source, out, overwrite=overwrite, progress=partial(_show, drawn, task))
         except KeyboardInterrupt:
             err_console.print("interrupted; the same command goes on where it stopped")
             raise
@@ -237,7 +227,7 @@ def edit(
         out,
         kind=kind,
         layer_folder=layers,
-        watch=lambda items: _counted(items, weather, len(chosen)),
+        watch=lambda items: watched(items, weather, len(chosen)),
     )
     print(out)
 
@@ -267,11 +257,26 @@ def compare(clip: ClipPath, weather: Weather, set_: Set = None, frames: Frames =
     out_console.print(table)
 
 
+@reproduce_app.callback()
+def _reproduce() -> None: ...  # keeps `tables` a subcommand while it is the only one
+
+
+@reproduce_app.command()
+def tables(
+    results: Annotated[list[Path] | None, typer.Option(help="JSON of `aw4d eval --json`. Repeatable.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Every table of the paper beside this run's results, and the paper's own arithmetic."""
+    from aw4d.reproduce import reproduce_tables
+
+    reproduce_tables(results or [], out_console, as_json=as_json)
+
+
 def main() -> None:
     """Run the command line; input errors end in one line on stderr and exit status 2."""
     try:
         app(prog_name="aw4d")
-    except InputError as error:
+    except (InputError, MetricError) as error:
         message = " ".join(str(error).split())
         print(f"aw4d: {message}", file=sys.stderr)
         sys.exit(2)

@@ -109,7 +109,7 @@ def fog(
     opacity = -np.expm1(-extinction * s)
 
     in_scatter = np.zeros_like(rgb, dtype=np.float64)
-    for i in np.flatnonzero(light_in_air):
+    for i in np.flatnonzero(light_in_air).tolist():
         if light_kind[i] == DIRECTIONAL:
             glow = _directional(ray, s, opacity, light_direction[i], extinction=extinction, g=g, paper=paper)
         else:

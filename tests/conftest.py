@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -78,3 +79,32 @@ def opencl_device(request: pytest.FixtureRequest) -> OpenCLBackend:
     from aw4d.backend_opencl import OpenCLBackend
 
     return OpenCLBackend(*request.param)
+
+
+@pytest.fixture(scope="session")
+def torch() -> Any:
+    """PyTorch, or a skip that says why."""
+    return pytest.importorskip("torch", reason="no PyTorch: pip install 'autoweather4d[metrics]'")
+
+
+@pytest.fixture(scope="session")
+def torchvision_operators(torch: Any) -> Any:
+    """Lets a torchvision that was built for another build of this torch import; what is returned must be kept.
+
+    Its operators do not load then, and its import fails at two that it registers more for. No test calls them.
+    """
+    package = importlib.util.find_spec("torchvision")
+    folder = Path(*package.submodule_search_locations or ()) if package else Path("no torchvision")
+    try:
+        torch.ops.load_library(str(next(folder.glob("_C.*"))))
+    except (OSError, StopIteration):
+        library = torch.library.Library("torchvision", "DEF")
+        for name in ("nms", "qnms"):
+            library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+        return library
+
+
+@pytest.fixture(scope="session")
+def open_clip(torchvision_operators: Any) -> Any:
+    """open_clip, or a skip that says why."""
+    return pytest.importorskip("open_clip", reason="no open_clip: pip install 'autoweather4d[metrics]'")

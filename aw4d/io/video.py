@@ -75,7 +75,7 @@ def read_video(path: Path) -> Iterator[NDArray[np.uint8]]:
             raise InputError(f"{path}: truncated after {count} of {stream.frames} frames")
 
 
-def _times(path: Path) -> NDArray[np.float64]:
+def frame_times(path: Path) -> NDArray[np.float64]:
     """Time of each frame [s] from the packets, without decoding."""
     stamps: list[int] = []
     with _open(path) as container:
@@ -145,7 +145,7 @@ def open_video(path: Path, *, camera_height_m: float = 1.5, fov_deg: float = 60.
         raise InputError(f"camera_height_m: expected a height above the road in metres, got {camera_height_m}")
     if not 1 <= fov_deg <= 170:
         raise InputError(f"fov_deg: expected 1 to 170 degrees, got {fov_deg}")
-    times = _times(path)
+    times = frame_times(path)
     chosen = set(np.linspace(0, len(times) - 1, HORIZON_FRAMES).astype(int).tolist())
     horizon, (height, width) = find_horizon(
         picture for index, picture in enumerate(read_video(path)) if index in chosen

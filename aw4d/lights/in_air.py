@@ -29,9 +29,9 @@ def in_air(lights: LightArrays, camera: Camera, fog: FogParams) -> NDArray[np.in
             light_kind=lights.light_kind,
             light_position=lights.light_position.astype(np.float64),
             light_direction=lights.light_direction.astype(np.float64),
-            light_cos_inner=lights.light_cos_inner,
-            light_cos_outer=lights.light_cos_outer,
-            light_r_max=lights.light_r_max,
+            light_cos_inner=lights.light_cos_inner.astype(np.float64),
+            light_cos_outer=lights.light_cos_outer.astype(np.float64),
+            light_r_max=lights.light_r_max.astype(np.float64),
         )
         endless = np.full(rays.shape[:-1], fog.extent_m)
         glow = along_ray(source, rays, endless, extinction=fog.extinction, g=fog.g, nodes=fog.nodes)

@@ -1,0 +1,1 @@
+"""Metrics on files: inputs, pairing, streaming, caches and reports around the arithmetic of `eval`."""

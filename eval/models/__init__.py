@@ -1,0 +1,1 @@
+"""Models that metrics need: loaded from files that the user has, never fetched."""
