@@ -58,7 +58,7 @@ def eval_(
     from aw4d.evaluation.run import METRICS, evaluate
 
     if self_test:
-        if not show_self_test(out_console):
+        if not show_self_test(out_console, i3d_weights):
             raise typer.Exit(1)
         return
     if metric is None:

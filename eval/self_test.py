@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -265,3 +266,19 @@ CASES: tuple[Case, ...] = (
         metric="2afc", what="Wilson interval of it, high", expected=0.855, found=lambda: wilson(476, 576)[1], digits=3
     ),
 )
+
+I3D_WHAT = "8 videos of black against 8 of white, (30, 64, 64), through I3D"
+I3D_EXPECTED = 151.256
+
+
+def i3d_case(weights: Path) -> Case:
+    """The distance that I3D's published weights give; another file gives another."""
+
+    def found() -> Value:
+        from eval.models.i3d import I3D
+
+        model = I3D(weights)
+        sides = [model.features([np.full((30, 64, 64, 3), code, np.uint8)] * 8) for code in (0, 255)]
+        return fvd(*sides).value
+
+    return Case(metric="fvd", what=I3D_WHAT, expected=I3D_EXPECTED, found=found, digits=2)

@@ -11,7 +11,7 @@ from rich.table import Table
 from aw4d.errors import InputError
 from aw4d.evaluation.plot import check_plot, write_plot
 from aw4d.evaluation.result import Result, reason, to_json, write_csv, write_json
-from eval.self_test import CASES
+from eval.self_test import CASES, I3D_EXPECTED, I3D_WHAT, i3d_case
 from eval.values import Undefined, Value
 
 ARROWS = {"higher": "↑", "lower": "↓", "neither": ""}
@@ -55,26 +55,30 @@ def report(
         write_plot(plot, results)
 
 
-def show_self_test(console: Console) -> bool:
-    """Print every value that is known exactly beside what is computed; whether all agree."""
+def show_self_test(console: Console, i3d_weights: Path | None = None) -> bool:
+    """Print every value that is known exactly beside what is computed; whether all agree.
+
+    One of them takes I3D's own weights; without a file of them it is not run, and says so.
+    """
     table = Table()
     for column in ("metric", "case", "expected", "found", "agrees"):
         table.add_column(column, overflow="fold")
+    cases = CASES if i3d_weights is None else (*CASES, i3d_case(i3d_weights))
     agree = True
-    for case in CASES:
+    for case in cases:
         found = case.found()
         agrees = case.agrees(found)
         agree &= agrees
         table.add_row(case.metric, case.what, case.expected_text, number(found), "yes" if agrees else "[red]no[/]")
+    if i3d_weights is None:
+        table.add_row("fvd", I3D_WHAT, f"{I3D_EXPECTED:g}", "not run: needs --i3d-weights", "")
     console.print(table)
     return agree
 
 
 def number(value: Value) -> str:
     """A value in four digits, or why there is none."""
-    if isinstance(value, Undefined):
-        return f"undefined: {value.reason}"
-    return f"{value:.4g}"
+    return f"undefined: {value.reason}" if isinstance(value, Undefined) else f"{value:.4g}"
 
 
 def show(results: Sequence[Result], skipped: Mapping[str, str], console: Console) -> None:
