@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -51,6 +51,12 @@ def frame_arguments(frame: GBuffer, scene: Scene) -> dict[str, Any]:
     K = K.astype(np.float32)
     camera = {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2]}
     return camera | scene.arguments()
+
+
+def own_arguments(name: str, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """What a pass takes: `PASS.ARGUMENT` is that argument of that pass alone, all others are for every pass."""
+    own = {key.removeprefix(f"{name}."): value for key, value in arguments.items() if key.startswith(f"{name}.")}
+    return {key: value for key, value in arguments.items() if "." not in key} | own
 
 
 def check_names(name: str, wanted: set[str], at_hand: set[str], own: set[str]) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aw4d.backend import Planes, check_names, frame_arguments
+from aw4d.backend import Planes, check_names, frame_arguments, own_arguments
 from aw4d.gbuffer import GBuffer
 from aw4d.params import Params
 from aw4d.passes import EMPTY, PASSES, held_as
@@ -60,7 +60,7 @@ class NumpyBackend:
             channels, dtype = held_as(plane)
             shape = planes.shape if channels == 1 else (*planes.shape, channels)
             planes.arrays[plane] = _widen(np.full(shape, EMPTY.get(plane, 0), dtype))
-        at_hand = planes.arrays | planes.arguments | own
+        at_hand = planes.arrays | own_arguments(name, planes.arguments) | own
         check_names(name, set(wanted), set(at_hand), set(own))
         planes.arrays.update(function(**{key: at_hand[key] for key in wanted}))
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aw4d import opencl
-from aw4d.backend import Planes, check_names, frame_arguments
+from aw4d.backend import Planes, check_names, frame_arguments, own_arguments
 from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
 from aw4d.lights.light import balls, shapes
@@ -24,6 +24,7 @@ from aw4d.passes import (
     EMPTY,
     GROUP_ITEMS,
     GROUPS,
+    PACK,
     PASSES,
     RECORD,
     TILE,
@@ -160,7 +161,7 @@ class OpenCLBackend:
         key = (name, layers)
         if key not in self._kernels:
             options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
-            options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}"]
+            options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}", f"-DPACK={PACK}"]
             # Not pyopencl's own cache: a kernel out of a binary has lost its argument names on Intel's runtime.
             # PoCL and the GPU drivers cache what they build by themselves.
             try:
@@ -198,20 +199,19 @@ class OpenCLBackend:
             for key, value in own.items()
             if isinstance(value, np.ndarray)
         }
-        at_hand = planes.buffers | planes.arguments | own | tables | self._scratch(name, planes)
+        given = own_arguments(name, planes.arguments)
+        count = given[PASSES[name].counts]
+        at_hand = planes.buffers | given | own | tables | self._scratch(name, planes, count)
         check_names(name, {argument for kernel in kernels for argument in kernel.types}, set(at_hand), set(own))
         for stage, kernel in zip(stages(name), kernels, strict=True):
-            kernel.enqueue(self._queue, *self._size(stage, planes, at_hand.get(PASSES[name].particles, 0)), at_hand)
+            kernel.enqueue(self._queue, *self._size(stage, planes, count), at_hand)
 
-    def _scratch(self, name: str, planes: OpenCLPlanes) -> dict[str, Any]:
+    def _scratch(self, name: str, planes: OpenCLPlanes, count: int) -> dict[str, Any]:
         """Buffers that the stages of a pass share, kept from frame to frame."""
-        count = planes.arguments[PASSES[name].particles or "light_count"]
         size = (planes.shape[0], planes.pitch, count)
         return {key: self._buffer(key, max(4 * values(*size), 4)) for key, values in PASSES[name].scratch.items()}
 
-    def _size(
-        self, stage: Stage, planes: OpenCLPlanes, particles: int
-    ) -> tuple[tuple[int, int], tuple[int, int] | None]:
+    def _size(self, stage: Stage, planes: OpenCLPlanes, count: int) -> tuple[tuple[int, int], tuple[int, int] | None]:
         """Work-items of a stage, and how many a group holds; None: the driver chooses.
 
         A CPU takes two rows of pixels a group: a few hundred groups balance its cores.
@@ -224,14 +224,18 @@ class OpenCLBackend:
         if stage.over == "tiles":
             return (-(-width // TILE), -(-height // TILE)), None
         if stage.over == "particles":
-            groups = max(-(-particles // (self.width * GROUP_ITEMS)), 1)
+            groups = max(-(-count // (self.width * GROUP_ITEMS)), 1)
             return (groups * GROUP_ITEMS, 1), (GROUP_ITEMS, 1)
         if stage.over == "chunks":
             return (CHUNKS, 1), None
+        # Alone on a CPU: in a group of the driver's choice what strips hold is too much for a stack, and a prime number
+        # of packs is a single group.
+        alone = (1, 1) if self.report.kind == "cpu" else None
+        if stage.over == "packs":
+            return (max(-(-count // (self.width * PACK)), 1), 1), alone
         columns = planes.pitch // self.width
         if stage.over == "strips":
-            # Alone on a CPU: in a group of the driver's choice, what they hold is too much for a stack.
-            return (columns, -(-height // TILE)), (1, 1) if self.report.kind == "cpu" else None
+            return (columns, -(-height // TILE)), alone
         fits = self.report.kind == "cpu" and height % 2 == 0 and 2 * columns <= self.report.device.max_work_group_size
         return (columns, height), (columns, 2) if fits else None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
@@ -25,12 +25,13 @@ from aw4d.params import (
     SpotLightsParams,
     WetGroundParams,
 )
-from reference_numpy.reflections import BLOCKS
+from reference_numpy.row_means import BLOCKS
 
 TILE = 16  # [px] side of the squares for which lights are sorted out; a multiple of every vector width
 CHUNKS = 64  # of particles that are counted together
 DIGITS = 256  # of a digit by which they are sorted
-RECORD = 32  # values a particle that is drawn
+RECORD = 32  # values a particle that is drawn: of two cache lines
+PACK = 64  # vectors of particles that a work-item looks through
 GROUPS, GROUP_ITEMS = 64, 64  # enough to fill a GPU and to balance a CPU's cores
 
 
@@ -41,12 +42,12 @@ class Stage:
     "pixels": a vector of pixels of one row, over (pitch / W, height). "tiles": a square of TILE pixels, over
     (ceil(width / TILE), ceil(height / TILE)). "one": a single work-item. "groups": work-groups of GROUP_ITEMS
     work-items that share the rows of the picture among them, GROUPS at most. "particles": a vector of them, rounded
-    up to whole groups of GROUP_ITEMS. "chunks": a share of them, CHUNKS in all. "strips": a vector of pixels in each of
-    TILE rows, over (pitch / W, ceil(height / TILE)).
+    up to whole groups of GROUP_ITEMS. "packs": PACK vectors of them. "chunks": a share of them, CHUNKS in all.
+    "strips": a vector of pixels in each of TILE rows, over (pitch / W, ceil(height / TILE)).
     """
 
     kernel: str
-    over: Literal["pixels", "tiles", "one", "groups", "particles", "chunks", "strips"] = "pixels"
+    over: Literal["pixels", "tiles", "one", "groups", "particles", "packs", "chunks", "strips"] = "pixels"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,12 +66,11 @@ class Pass:
         Results that are kept only when they are asked for, with their number of channels.
     stages
         Its kernels in order; by default one of the pass' own name, over the pixels.
-    particles
-        The argument that is the number of its particles, if it has any.
+    counts
+        The argument that is the number of what it has, lights or particles.
     scratch
         Device buffers that its stages share, by argument name: number of 32-bit values for (height [px], pitch [px],
-        number of particles, or of lights in a pass that has no particles). Their contents are undefined when the first
-        stage starts.
+        the number of what `counts` says). Their contents are undefined when the first stage starts.
     """
 
     params: type[Params]
@@ -79,7 +79,7 @@ class Pass:
     layers: dict[str, int]
     optional: tuple[str, ...] = ()
     stages: tuple[Stage, ...] = ()
-    particles: str = ""
+    counts: str = "light_count"
     scratch: dict[str, Callable[[int, int, int], int]] = field(default_factory=dict)
 
 
@@ -109,31 +109,30 @@ def _particle_bits(height: int, pitch: int, particles: int) -> int:
     return 2 * (-(-height // TILE) + -(-pitch // TILE)) * -(-particles // 64)
 
 
-def _falling(name: str, params: type[Params], particles: str, layer: str) -> Pass:
-    """A pass that draws particles; its stages are those of particles.h."""
-    over: dict[str, Any] = {
-        "keys": "particles",
-        "count_low": "chunks",
-        "sum_low": "one",
-        "spread_low": "chunks",
-        "count_high": "chunks",
-        "sum_high": "one",
-        "spread_high": "chunks",
-        "records": "particles",
-        "bins": "particles",
-    }
+def _falling(name: str, params: type[Params], layer: str) -> Pass:
+    """A pass that draws particles; its stages but for the last are those of particles.h."""
     return Pass(
         params=params,
         reads=("rgb", "depth", "sky"),
         writes=("rgb",),
         layers={f"{layer}_alpha": 1, f"{layer}_depth": 1},
         stages=(
-            *(Stage(kernel=f"{name}_{stage}", over=items) for stage, items in over.items()),
+            Stage(kernel="particle_keys", over="packs"),
+            Stage(kernel="particle_count_low", over="chunks"),
+            Stage(kernel="particle_sum_low", over="one"),
+            Stage(kernel="particle_spread_low", over="chunks"),
+            Stage(kernel="particle_count_high", over="chunks"),
+            Stage(kernel="particle_sum_high", over="one"),
+            Stage(kernel="particle_spread_high", over="chunks"),
+            Stage(kernel="particle_records", over="particles"),
+            Stage(kernel="particle_bins", over="particles"),
             Stage(kernel=name, over="strips"),
         ),
-        particles=particles,
+        counts="particle_count",
         scratch={
             "particle_key": lambda height, pitch, count: count,
+            "particle_pack": lambda height, pitch, count: count + TILE,  # and a vector
+            "particle_packed": lambda height, pitch, count: -(-count // PACK),
             "particle_by_low": lambda height, pitch, count: count,
             "particle_order": lambda height, pitch, count: count,
             "particle_counts": lambda height, pitch, count: DIGITS * CHUNKS,
@@ -204,8 +203,8 @@ PASSES: dict[str, Pass] = {
         layers={"reflection": 3},
         stages=(Stage(kernel="reflections_pixels"), Stage(kernel="reflections")),
         scratch={
-            "reflection_pixels": lambda height, pitch, lights: 4 * height * (pitch + 1),
-            "reflection_means": lambda height, pitch, lights: sum(-(-height // n) for n in BLOCKS) * 4 * (pitch + 1),
+            "reflection_pixels": lambda height, pitch, lights: 4 * height * (pitch + TILE),
+            "reflection_means": lambda height, pitch, lights: 4 * (pitch + TILE) * sum(-(-height // n) for n in BLOCKS),
         },
     ),
     "fog": Pass(
@@ -214,8 +213,8 @@ PASSES: dict[str, Pass] = {
         writes=("rgb",),
         layers={"transmittance": 1, "in_scatter": 3, "airlight": 3},
     ),
-    "rain_streaks": _falling("rain_streaks", RainStreaksParams, "rain_count", "streak"),
-    "snow_fall": _falling("snow_fall", SnowFallParams, "snow_count", "flake"),
+    "rain_streaks": _falling("rain_streaks", RainStreaksParams, "streak"),
+    "snow_fall": _falling("snow_fall", SnowFallParams, "flake"),
     "harmonize": Pass(params=HarmonizeParams, reads=("rgb", "direct"), writes=("rgb",), layers={"fusion_weight": 1}),
     "overcast_sky": Pass(params=OvercastSkyParams, reads=("rgb", "sky"), writes=("rgb",), layers={}),
     "night_grade": Pass(

@@ -134,8 +134,7 @@ static inline void select_digit(__global int *grade_bins, __global int *grade_st
 {
     int rank = grade_state[RANK], digit = -1;
     for (int first = 0; first < 1 << size; first += 16) {
-        const int16 n = vload16(0, grade_bins + first);
-        const int8 n8 = n.lo + n.hi;
+        const int8 n8 = vload8(0, grade_bins + first) + vload8(0, grade_bins + first + 8);
         const int4 n4 = n8.lo + n8.hi;
         const int total = n4.x + n4.y + n4.z + n4.w;
         if (digit < 0 && rank <= total)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -159,6 +159,7 @@ class Match:
     missed: int  # boxes of the reference without a partner
     extra: int  # boxes of the generated side without a partner
     unseen: int  # boxes of both sides that are not in the picture
+    unsure: int = 0  # detections of both sides under the least score
 
     @property
     def values(self) -> tuple[float, ...]:
@@ -170,8 +171,8 @@ class Match:
 class BoxIoU:
     """Structural consistency by boxes: mean IoU over pairs of boxes and boxes without a partner, which count 0.
 
-    What moves the number: boxes that reach behind the camera (`clip`), which boxes are compared (`kind`), and whether
-    boxes without a partner count. `Score.others` has the mean over pairs alone.
+    What moves the number: boxes that reach behind the camera (`clip`), which boxes are compared (`kind`, `min_score`),
+    and whether boxes without a partner count. `Score.others` has the mean over pairs alone.
 
     Parameters
     ----------
@@ -184,12 +185,15 @@ class BoxIoU:
     pairing
         "id": the same identity on both sides; "iou": the pairs of each kind that have the largest sum of IoU (Kuhn
         1955), of which those that do not touch are none; None: by identity where every box of the frame has one.
+    min_score
+        Detections of a lower score are left out, and counted; boxes without a score stay. None: all stay.
     """
 
     clip: bool = True
     near: float = NEAR
     kind: str | None = None
     pairing: Literal["id", "iou"] | None = None
+    min_score: float | None = None
 
     def rectangle(self, box: Box3D, camera: Camera) -> Rectangle | Undefined:
         """The box in the picture under this convention."""
@@ -204,6 +208,8 @@ class BoxIoU:
             They pair by identity, and a box has none or two boxes of one side share one.
         """
         ref, gen = self._of_kind(ref), self._of_kind(gen)
+        found = len(ref) + len(gen)
+        ref, gen = self._sure(ref), self._sure(gen)
         ref_seen, gen_seen = self._seen(ref, camera), self._seen(gen, camera)
         named = all(box.track_id is not None for box in (*ref, *gen))
         pair = _pair_by_id if self.pairing == "id" or (self.pairing is None and named) else _pair_by_iou
@@ -213,10 +219,15 @@ class BoxIoU:
             missed=len(ref_seen) - len(ious),
             extra=len(gen_seen) - len(ious),
             unseen=len(ref) + len(gen) - len(ref_seen) - len(gen_seen),
+            unsure=found - len(ref) - len(gen),
         )
 
     def _of_kind(self, boxes: Sequence[Box3D]) -> list[Box3D]:
         return [box for box in boxes if self.kind in (None, kind(box.category))]
+
+    def _sure(self, boxes: Sequence[Box3D]) -> list[Box3D]:
+        least = self.min_score
+        return [box for box in boxes if least is None or box.score is None or box.score >= least]
 
     def _seen(self, boxes: Sequence[Box3D], camera: Camera) -> list[tuple[Box3D, Rectangle]]:
         rectangles = [(box, self.rectangle(box, camera)) for box in boxes]
@@ -232,13 +243,22 @@ class BoxIoU:
             frames=frames,
             others={
                 "mean over pairs": mean(pairs) if pairs else Undefined("no box has a partner"),
-                "mean of the frames' means": mean(frames),
+                "mean of frames": mean(frames),
                 "pairs": float(len(pairs)),
                 "missed boxes": float(sum(match.missed for match in matches)),
                 "extra boxes": float(sum(match.extra for match in matches)),
                 "boxes not in the picture": float(sum(match.unseen for match in matches)),
+                "boxes under the least score": float(sum(match.unsure for match in matches)),
             },
         )
+
+    def summands(self, matches: Sequence[Match]) -> Array:
+        """IoU and boxes, those without a partner too."""
+        return np.array([(sum(match.values), len(match.values)) for match in matches], dtype=np.float64)
+
+    def of_sums(self, sums: Array) -> Value:
+        """Mean over all boxes."""
+        return float(sums[0] / sums[1]) if sums[1] else EMPTY
 
 
 PRESETS: dict[str, BoxIoU] = {"clipped": BoxIoU(), "paper": BoxIoU(clip=False, kind="vehicle")}
@@ -249,6 +269,8 @@ def box_iou(
     gen: Mapping[str, Sequence[Box3D]],
     cameras: Mapping[str, Camera],
     convention: BoxIoU = PRESETS["clipped"],
+    *,
+    frames: Collection[str] | None = None,
 ) -> Score:
     """Mean IoU of two sets of boxes of one video.
 
@@ -260,12 +282,18 @@ def box_iou(
         Camera of each frame to compare, in order.
     convention
         How boxes become rectangles and pairs.
+    frames
+        Compare only these of the cameras' frames, and only their boxes; None: all.
 
     Raises
     ------
     MetricError
-        There are boxes of a frame that has no camera, or boxes do not pair by identity as they should.
+        There are boxes of a frame that has no camera, boxes do not pair by identity as they should, or categories are
+        numbers where their names are needed.
     """
+    if frames is not None:
+        ref, gen = ({name: boxes for name, boxes in side.items() if name in frames} for side in (ref, gen))
+        cameras = {name: camera for name, camera in cameras.items() if name in frames}
     for side, boxes in (("reference", ref), ("generated", gen)):
         strangers = [frame for frame in boxes if frame not in cameras]
         if strangers:
@@ -273,8 +301,35 @@ def box_iou(
                 f"boxes, {side}: expected frames {_some(list(cameras))}, got boxes of {len(strangers)} others: "
                 f"{_some(strangers)}"
             )
+    _check_categories(ref, gen, convention)
     matches = [convention.match(ref.get(frame, ()), gen.get(frame, ()), camera) for frame, camera in cameras.items()]
     return pooled(convention, matches)
+
+
+_Side = Mapping[str, Sequence[Box3D]]
+
+
+def _check_categories(ref: _Side, gen: _Side, convention: BoxIoU) -> None:
+    """Numbers of categories, as detectors have them, are of no kind, and never what the other side names."""
+    sides = {"reference": _categories(ref), "generated": _categories(gen)}
+    named = any(not _is_number(name) for names in sides.values() for name in names)
+    if convention.kind is None and (not named or convention.pairing == "id"):
+        return
+    for side, names in sides.items():
+        numbers = [name for name in names if _is_number(name)]
+        if numbers:
+            raise MetricError(
+                f"boxes, {side}: expected categories by name, to compare {convention.kind or 'each with its like'}, "
+                f"got numbers: {_some(numbers)} (--categories gives their names)"
+            )
+
+
+def _categories(boxes: _Side) -> list[str]:
+    return sorted({box.category for found in boxes.values() for box in found})
+
+
+def _is_number(category: str) -> bool:
+    return category.removeprefix("-").isdecimal()
 
 
 def _some(names: Sequence[str]) -> str:

@@ -70,7 +70,7 @@ def clip_score(images: NDArray[Any], text: NDArray[Any], *, tokens: int, context
 
     >>> import numpy as np
     >>> found = clip_score(np.array([[1.0, 0.0], [3.0, 4.0]]), np.array([2.0, 0.0]), tokens=130)
-    >>> found.value, found.others["tokens_cut"]
+    >>> found.value, found.others["tokens cut"]
     (0.8, 53.0)
 
     Raises
@@ -79,7 +79,7 @@ def clip_score(images: NDArray[Any], text: NDArray[Any], *, tokens: int, context
         Embeddings of two lengths, or not finite.
     """
     frames = cosines(images, text)
-    counts = {"tokens": float(tokens), "tokens_cut": float(max(0, tokens - context))}
+    counts = {"tokens": float(tokens), "tokens cut": float(max(0, tokens - context))}
     return Score(value=mean(frames), frames=frames, others=counts)
 
 

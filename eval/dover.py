@@ -15,7 +15,7 @@ from scipy.special import expit
 from eval.errors import MetricError
 from eval.score import Score
 from eval.text_files import entry, read_json, read_table
-from eval.values import interval, mean
+from eval.values import Value, interval, mean
 
 Array = NDArray[np.float64]
 
@@ -90,20 +90,28 @@ class Dover:
         """
         if not videos:
             raise MetricError("scores: expected at least one video, got none")
-        technical, aesthetic = np.array(videos, dtype=np.float64).T
-        fused = {"paper": paper_fusion(technical, aesthetic), "released": released_fusion(technical, aesthetic)}
-        by_video = tuple(fused[self.fusion].tolist())
-        return Score(
-            value=mean(by_video),
-            frames=by_video,
-            interval=interval(by_video),
-            others={
-                **{f"{name} fusion": mean(values.tolist()) for name, values in fused.items()},
-                "paper fusion of rescaled branches": mean(paper_fusion(*rescaled(technical, aesthetic)).tolist()),
-                "technical": mean(technical.tolist()),
-                "aesthetic": mean(aesthetic.tolist()),
-            },
-        )
+        scores = [self._of(video) for video in videos]
+        values = tuple(score.value for score in scores)
+        others = {name: mean([score.others[name] for score in scores]) for name in scores[0].others}
+        return Score(value=mean(values), frames=values, interval=interval(values), others=others)
+
+    def by_video(self, videos: Mapping[str, Branches]) -> dict[str, Score]:
+        """Score of each video, by its name; `others` as in `score`.
+
+        >>> Dover().by_video({"fog.mp4": Branches(technical=1.0, aesthetic=0.0)})["fog.mp4"].value
+        0.572
+        """
+        return {name: self._of(branches) for name, branches in videos.items()}
+
+    def _of(self, video: Branches) -> Score:
+        fused = {"paper": float(paper_fusion(*video)), "released": float(released_fusion(*video))}
+        others: dict[str, Value] = {
+            **{f"{name} fusion": value for name, value in fused.items()},
+            "paper fusion of rescaled branches": float(paper_fusion(*rescaled(*video))),
+            "technical": video.technical,
+            "aesthetic": video.aesthetic,
+        }
+        return Score(value=fused[self.fusion], others=others)
 
 
 PRESETS = {"paper": Dover("paper"), "released": Dover("released")}

@@ -115,5 +115,13 @@ class EdgeF1:
         }
         return Score(value=f1(total), frames=frames, others=others)
 
+    def summands(self, records: Sequence[Counts]) -> NDArray[np.float64]:
+        """Pixels by kind."""
+        return np.array(records, dtype=np.float64)
+
+    def of_sums(self, sums: NDArray[np.float64]) -> Value:
+        """F1 of all pixels."""
+        return f1(Counts(*(int(pixels) for pixels in sums)))
+
 
 PRESETS = {"paper": EdgeF1(low=30.0, high=60.0), "pai-bench": EdgeF1(low=100.0, high=200.0)}

@@ -84,7 +84,7 @@ def fvd_of(path: Path, *, seed: int = 0) -> Score:
 def clip_score_of(path: Path) -> Score:
     """CLIP score of a file's embeddings; its keys are in this module's text, what is raised in `fvd_of`'s."""
     arrays = read(path)
-    counts = {key: int(_array(arrays, key, path, (0,))) for key in ("tokens", "context")}
+    counts = {key: _count(arrays, key, path) for key in ("tokens", "context")}
     return clip_score(_array(arrays, "images", path, (2,)), _array(arrays, "text", path, (1,)), **counts)
 
 
@@ -101,17 +101,25 @@ def identity_of(path: Path, metric: Identity) -> Score:
 def _side(arrays: Arrays, side: str, path: Path) -> NDArray[Any] | Statistics:
     if side in arrays or f"{side}_mean" not in arrays:
         return _array(arrays, side, path, (2,))
-    mean, covariance, count = (
-        _array(arrays, f"{side}_{part}", path, (ndim,)) for part, ndim in (("mean", 1), ("covariance", 2), ("count", 0))
+    mean, covariance = (
+        _array(arrays, f"{side}_{part}", path, (ndim,)).astype(np.float64)
+        for part, ndim in (("mean", 1), ("covariance", 2))
     )
-    return Statistics(mean=mean.astype(np.float64), covariance=covariance.astype(np.float64), count=int(count))
+    return Statistics(mean=mean, covariance=covariance, count=_count(arrays, f"{side}_count", path))
+
+
+def _count(arrays: Arrays, key: str, path: Path) -> int:
+    found = float(_array(arrays, key, path, (0,)))
+    if not found.is_integer() or found < 0:
+        raise MetricError(f"features {path}: expected `{key}` as a whole number, 0 or more, got {found:g}")
+    return int(found)
 
 
 def _array(arrays: Arrays, key: str, path: Path, dimensions: tuple[int, ...]) -> NDArray[Any]:
     if key not in arrays:
         raise MetricError(f"features {path}: expected an array `{key}`, got {', '.join(sorted(arrays)) or 'none'}")
     found = arrays[key]
-    if found.ndim not in dimensions or not np.issubdtype(found.dtype, np.number):
+    if found.ndim not in dimensions or found.dtype.kind not in "iuf":
         expected = " or ".join(str(n) for n in dimensions)
         got = f"{found.ndim} of {found.dtype}"
         raise MetricError(f"features {path}: expected `{key}` as numbers in {expected} dimensions, got {got}")

@@ -24,6 +24,7 @@ from eval.view import Array, View
 STILL_M, STILL_RAD = 0.01, 1e-3  # what a camera that stands still may move by
 FAR_OUT = 16.0  # [px]
 NOTHING_SHARED = Undefined("no surface is seen in both frames")
+ONE_FRAME = Undefined("one frame only")
 
 
 class Place(NamedTuple):
@@ -142,7 +143,9 @@ class Flicker:
         return Change(sums[0], sums[1], int(np.count_nonzero(seen)), seen.size)
 
     def pool(self, records: Sequence[Change]) -> Score:
-        """Mean over the pixels of all pairs; `frames` has the edit's mean of every pair."""
+        """Mean over the pixels of all pairs; `frames` has the edit's mean of every pair. A single frame has no pair."""
+        if not records:
+            return Score(value=ONE_FRAME)
         seen, pixels = sum(record.seen for record in records), sum(record.all for record in records)
         ref = _mean(sum(record.ref for record in records), seen)
         gen = _mean(sum(record.gen for record in records), seen)
@@ -152,9 +155,17 @@ class Flicker:
             others={
                 "source": ref,
                 "edit over source": _ratio(gen, ref),
-                "share of pixels": seen / pixels if pixels else Undefined("no pair of frames"),
+                "share of pixels": seen / pixels,
             },
         )
+
+    def summands(self, records: Sequence[Change]) -> Array:
+        """The edit's change, and pixels."""
+        return np.array([(record.gen, record.seen) for record in records], dtype=np.float64)
+
+    def of_sums(self, sums: Array) -> Value:
+        """Mean over the pixels."""
+        return _mean(float(sums[0]), int(sums[1]))
 
 
 PRESETS = {"depth and poses": Flicker()}
@@ -206,7 +217,7 @@ def static_variance(pictures: Iterable[NDArray[np.uint8]], views: Iterable[View]
         total += picture
         squares += np.square(picture, dtype=np.int64)
     if first is None or count < 2:
-        return Score(value=Undefined("fewer than two frames"))
+        return Score(value=ONE_FRAME)
     if not still.any():
         return Score(value=Undefined("no pixel is still"))
     variance = (count * squares[still] - total[still] ** 2) / count**2

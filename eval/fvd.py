@@ -91,7 +91,7 @@ def fvd(ref: NDArray[Any] | Statistics, gen: NDArray[Any] | Statistics, *, seed:
         return Score(value=Undefined("a set has fewer than 2 videos"), others=_counted(counts))
     value = distance(ref, gen)
     d = ref.mean.size if isinstance(ref, Statistics) else ref.shape[1]
-    others = {"videos_over_d": min(counts) / d, "same_set_split": same_set_split(ref, seed=seed)}
+    others = {"videos over d": min(counts) / d, "same-set split": same_set_split(ref, seed=seed)}
     return Score(value=value, others={**_counted(counts), **others})
 
 
@@ -108,4 +108,4 @@ def same_set_split(features: NDArray[Any] | Statistics, *, seed: int = 0) -> Val
 
 
 def _counted(counts: list[int]) -> dict[str, Value]:
-    return {"videos_ref": float(counts[0]), "videos_gen": float(counts[1])}
+    return {"videos of ref": float(counts[0]), "videos of gen": float(counts[1])}

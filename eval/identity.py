@@ -91,10 +91,10 @@ class Identity:
         boxes = tuple(chain.from_iterable(records))
         frames = tuple(mean(record) if defined(record) else Undefined("no box in the frame") for record in records)
         parts, other, name = (
-            (boxes, frames, "mean_of_frames") if self.mean_per == "box" else (frames, boxes, "mean_of_boxes")
+            (boxes, frames, "mean of frames") if self.mean_per == "box" else (frames, boxes, "mean of boxes")
         )
         value = mean(parts) if defined(boxes) else Undefined("no box to compare")
-        counts = {"boxes": float(len(boxes)), "boxes_undefined": float(len(boxes) - len(defined(boxes)))}
+        counts = {"boxes": float(len(boxes)), "boxes undefined": float(len(boxes) - len(defined(boxes)))}
         return Score(value=value, frames=parts, others={name: mean(other), **counts})
 
 
@@ -120,15 +120,15 @@ def similarities(ref: NDArray[Any], gen: NDArray[Any]) -> tuple[Value, ...]:
 
 
 def by_frame(values: Sequence[Value], frame: NDArray[Any]) -> list[list[Value]]:
-    """Values of boxes, gathered by the number of their frame; frames without a box stay empty, up to the last.
+    """Values of boxes, gathered by the number of their frame, in the order of the numbers; other frames have no box.
 
-    >>> by_frame([0.5, 0.25], np.array([0, 2]))
-    [[0.5], [], [0.25]]
+    >>> by_frame([0.25, 0.5, 0.75], np.array([7, 2, 7]))
+    [[0.5], [0.25, 0.75]]
     """
-    frames: list[list[Value]] = [[] for _ in range(int(frame.max(initial=-1)) + 1)]
+    frames: dict[int, list[Value]] = {int(number): [] for number in np.unique(frame)}
     for value, number in zip(values, frame, strict=True):
         frames[int(number)].append(value)
-    return frames
+    return list(frames.values())
 
 
 def _ends(box: Sequence[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
+import numpy as np
 from numpy.typing import NDArray
 
 from eval.pictures import check_pair
-from eval.score import Score
+from eval.score import Score, mean_of_sums, summands_of_mean
 from eval.values import Undefined, Value, mean
 
 
@@ -85,6 +86,15 @@ class Psnr:
         average = mean(records)
         value = average if isinstance(average, Undefined) else psnr(average, self.data_range)
         return Score(value=value, frames=tuple(frames), others={"mean of PSNR": mean(frames), "MSE": average})
+
+    def summands(self, records: Sequence[float]) -> NDArray[np.float64]:
+        """Errors and frames."""
+        return summands_of_mean(records)
+
+    def of_sums(self, sums: NDArray[np.float64]) -> Value:
+        """PSNR of the mean error."""
+        average = mean_of_sums(sums)
+        return average if isinstance(average, Undefined) else psnr(average, self.data_range)
 
 
 PRESETS = {"scikit-image": Psnr()}

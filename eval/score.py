@@ -10,11 +10,12 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.values import Undefined, Value, percentiles
+from eval.values import Undefined, Value, mean, percentiles
 
 Record = TypeVar("Record")
 Kept = TypeVar("Kept", contravariant=True)
 RESAMPLES = 500  # of a video's frames: each is pooled anew
+NO_VALUE = mean([])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,28 +40,55 @@ class Score:
     interval: tuple[float, float] | None = None
 
 
-class Pooling(Protocol[Kept]):
-    """A metric of what was kept of each frame of a video."""
+class Additive(Protocol[Kept]):
+    """A metric that depends on what was kept of each frame through sums alone; a mean is a sum and a count."""
 
     def pool(self, records: Sequence[Kept]) -> Score:
         """The metric of a video from its frames' records, in order."""
 
+    def summands(self, records: Sequence[Kept]) -> NDArray[np.float64]:
+        """What is added up, a row a frame, (T, k)."""
 
-class FrameMetric(Pooling[Record], Protocol[Record]):
+    def of_sums(self, sums: NDArray[np.float64]) -> Value:
+        """The metric, from the sums over the frames, (k,); `pool` has the same value."""
+
+
+class FrameMetric(Additive[Record], Protocol[Record]):
     """A metric that takes two videos frame by frame: records of frames, made anywhere and in any order, are pooled."""
 
     def frame(self, ref: NDArray[Any], gen: NDArray[Any]) -> Record:
         """What is kept of one pair of frames: small, and picklable."""
 
 
-def pooled(metric: Pooling[Record], records: Sequence[Record], *, seed: int = 0) -> Score:
-    """The metric of a video with its interval, from pooling its frames drawn anew with replacement. Efron 1979."""
+def pooled(metric: Additive[Record], records: Sequence[Record], *, seed: int = 0) -> Score:
+    """The metric of a video with its interval, from pooling its frames drawn anew with replacement. Efron 1979.
+
+    A frame that is drawn n times counts n times in the sums, so that a draw costs no more than a matrix product.
+    """
     score = metric.pool(records)
     if len(records) < 2 or isinstance(score.value, Undefined) or not math.isfinite(score.value):
         return score
     picks = np.random.default_rng(seed).integers(0, len(records), (RESAMPLES, len(records)))
-    values = [metric.pool([records[i] for i in pick]).value for pick in picks]
-    return replace(score, interval=percentiles(values))
+    times = np.stack([np.bincount(pick, minlength=len(records)) for pick in picks]).astype(np.float64)
+    return replace(score, interval=percentiles([metric.of_sums(sums) for sums in times @ metric.summands(records)]))
+
+
+def summands_of_mean(values: Sequence[Value]) -> NDArray[np.float64]:
+    """Each value and a 1, (T, 2); twice 0 where it is undefined.
+
+    >>> summands_of_mean([0.5, Undefined("no edges")]).tolist()
+    [[0.5, 1.0], [0.0, 0.0]]
+    """
+    return np.array([(0.0, 0.0) if isinstance(value, Undefined) else (value, 1.0) for value in values]).reshape(-1, 2)
+
+
+def mean_of_sums(sums: NDArray[np.float64]) -> Value:
+    """The mean, from the sums of `summands_of_mean`.
+
+    >>> mean_of_sums(np.array([3.0, 2.0]))
+    1.5
+    """
+    return float(sums[0] / sums[1]) if sums[1] else NO_VALUE
 
 
 def score(metric: FrameMetric[Record], ref: Iterable[NDArray[Any]], gen: Iterable[NDArray[Any]]) -> Score:

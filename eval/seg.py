@@ -88,9 +88,10 @@ def confusion(ref: NDArray[Any], gen: NDArray[Any], classes: int, ignore: int = 
     for side, labels in (("true", true), ("predicted", predicted)):
         strangers = np.unique(labels[(labels < 0) | (labels >= classes)])
         if len(strangers):
+            hint = " (label ids instead of train ids?)" if (strangers != ignore).any() else ""
             raise MetricError(
                 f"{side} labels: expected 0 to {classes - 1} where the true one is not {ignore}, got "
-                f"{strangers[:8].tolist()} (label ids instead of train ids?)"
+                f"{strangers[:8].tolist()}{hint}"
             )
     counts = np.bincount(true * classes + predicted, minlength=classes * classes)
     return np.asarray(counts.reshape(classes, classes), dtype=np.int64)
@@ -140,18 +141,28 @@ class Segmentation:
         Names of the classes, by train id.
     ignore
         Mark of pixels without a true class.
+    ref_label_ids, gen_label_ids
+        That side has Cityscapes' label ids, as its own files `*_labelIds.png` have, in place of train ids.
     """
 
     classes: tuple[str, ...] = tuple(CITYSCAPES)
     ignore: int = IGNORED
+    ref_label_ids: bool = False
+    gen_label_ids: bool = False
 
     def frame(self, ref: NDArray[Any], gen: NDArray[Any]) -> Picture:
-        """One picture; see `confusion` for what it takes."""
+        """One picture; see `confusion` for what it takes.
+
+        >>> Segmentation(ref_label_ids=True).frame(np.array([[0, 7, 26]], np.uint8), np.array([[5, 0, 13]])).iou
+        1.0
+        """
+        ref = train_ids(ref) if self.ref_label_ids else ref
+        gen = train_ids(gen) if self.gen_label_ids else gen
         counts = confusion(ref, gen, len(self.classes), self.ignore)
         return Picture(counts, _mean(class_iou(counts)))
 
     def pool(self, records: Sequence[Picture]) -> Score:
-        """mIoU of the summed confusion."""
+        """mIoU of the summed confusion, of the pictures of one video or of several."""
         size = len(self.classes)
         counts = sum((record.counts for record in records), np.zeros((size, size), dtype=np.int64))
         ious = class_iou(counts)
@@ -167,9 +178,17 @@ class Segmentation:
             },
         )
 
+    def summands(self, records: Sequence[Picture]) -> NDArray[np.float64]:
+        """Confusions, each in a row."""
+        return np.array([record.counts.ravel() for record in records], dtype=np.float64)
+
+    def of_sums(self, sums: NDArray[np.float64]) -> Value:
+        """mIoU of the summed confusion."""
+        return _mean(class_iou(sums.astype(np.int64).reshape(len(self.classes), len(self.classes))))
+
 
 def _mean(values: Sequence[Value]) -> Value:
     return UNLABELLED if all(isinstance(value, Undefined) for value in values) else mean(values)
 
 
-PRESETS = {"paper": Segmentation()}
+PRESETS = {"paper": Segmentation(), "label-ids": Segmentation(ref_label_ids=True, gen_label_ids=True)}

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from eval.box_iou import Rectangle, iou, projected, visible
-from eval.boxes import Camera, cuboid
+from eval import self_test_scenes as scenes
+from eval.box_iou import Rectangle, iou, visible
 from eval.clip_score import clip_score
 from eval.dover import paper_fusion, released_fusion
 from eval.edge_f1 import PRESETS as EDGES
+from eval.edge_f1 import counts, f1
 from eval.frechet import distance
 from eval.fvd import fvd
 from eval.identity import similarities
@@ -22,7 +23,7 @@ from eval.score import score
 from eval.seg import Segmentation
 from eval.si_rmse import PRESETS as DEPTHS
 from eval.ssim import PRESETS as SSIMS
-from eval.two_afc import round_robin, wilson
+from eval.two_afc import WinRate, round_robin, wilson
 from eval.values import Undefined, Value
 
 
@@ -58,22 +59,7 @@ class Case:
         return found == self.expected or abs(found - self.expected) < 0.5 * 10.0**-self.digits
 
 
-def _pictures() -> tuple[np.ndarray, np.ndarray]:
-    """A square and the same square elsewhere, (64, 64, 3)."""
-    first = np.zeros((64, 64, 3), np.uint8)
-    first[8:24, 8:24] = 255
-    return first, np.roll(first, 30, axis=(0, 1))
-
-
-def _beside() -> tuple[np.ndarray, Camera]:
-    """A car that the camera passes: its rear is behind the lens."""
-    pose = np.eye(4)
-    pose[:3, 3] = 2.5, 0.9, 2
-    camera = Camera(K=np.array([[1000, 0, 640], [0, 1000, 352], [0, 0, 1]]), width=1280, height=704)
-    return cuboid(pose, (2, 1.6, 4.5)), camera
-
-
-def _box(rectangle: Callable[[], Rectangle | Undefined], side: int) -> Callable[[], Value]:
+def _side(rectangle: Callable[[], Rectangle | Undefined], side: int) -> Callable[[], Value]:
     def found() -> Value:
         of = rectangle()
         return of if isinstance(of, Undefined) else of[side]
@@ -81,19 +67,17 @@ def _box(rectangle: Callable[[], Rectangle | Undefined], side: int) -> Callable[
     return found
 
 
-def _printed_against_visible() -> Value:
-    corners, camera = _beside()
-    printed, seen = projected(corners, camera.K), visible(corners, camera)
-    assert isinstance(printed, Rectangle)
-    assert isinstance(seen, Rectangle)
-    return iou(printed, seen)
+def _of_flat(level: int) -> np.ndarray:
+    return np.full((16, 16), level, np.uint8)
 
 
-FIRST, SECOND = _pictures()
+FIRST, SECOND = scenes.squares()
 DEPTH = np.random.default_rng(0).uniform(2, 80, (32, 32))
 HALF = DEPTH * np.where(np.arange(32) < 16, 2.0, 1.0)
 LABELS = Segmentation(classes=("a", "b"))
 TRUE, PREDICTED = np.repeat([0, 1], [4, 6]), np.array([0, 0, 0, 1, 0, 0, 1, 1, 1, 1])  # confusion [[3, 1], [2, 4]]
+# 3 edge pixels in both, 1 in gen alone, 2 in ref alone
+COUNTS = counts(np.array([1, 1, 1, 1, 1, 0], np.bool_), np.array([1, 1, 1, 0, 0, 1], np.bool_))
 WINS = {"a": 0, "b": 245, "c": 334, "d": 385, "ours": 476}
 
 CASES: tuple[Case, ...] = (
@@ -113,7 +97,7 @@ CASES: tuple[Case, ...] = (
         metric="clip",
         what="tokens cut of a text of 130",
         expected=53,
-        found=lambda: clip_score(np.array([[1.0]]), np.array([1.0]), tokens=130).others["tokens_cut"],
+        found=lambda: clip_score(np.array([[1.0]]), np.array([1.0]), tokens=130).others["tokens cut"],
     ),
     Case(
         metric="identity",
@@ -132,7 +116,7 @@ CASES: tuple[Case, ...] = (
             metric="iou",
             what=f"box behind the camera, clipped: {name} [px]",
             expected=expected,
-            found=_box(lambda: visible(*_beside()), side),
+            found=_side(lambda: visible(*scenes.beside()), side),
             digits=0,
         )
         for side, (name, expected) in enumerate((("left", 993), ("top", 375.5), ("right", 1280), ("bottom", 704)))
@@ -141,7 +125,7 @@ CASES: tuple[Case, ...] = (
         metric="iou",
         what="the printed rectangle of that box against it",
         expected=0.001,
-        found=_printed_against_visible,
+        found=scenes.printed_against_visible,
         digits=3,
     ),
     Case(
@@ -186,6 +170,15 @@ CASES: tuple[Case, ...] = (
         expected=None,
         found=lambda: score(EDGES["paper"], [0 * FIRST], [0 * FIRST]).value,
     ),
+    *(
+        Case(metric="edge-f1", what=f"5 edge pixels against 4, 3 in common: {name}", expected=expected, found=found)
+        for name, expected, found in (
+            ("in both", 3, lambda: float(COUNTS.true_positive)),
+            ("in gen alone", 1, lambda: float(COUNTS.false_positive)),
+            ("in ref alone", 2, lambda: float(COUNTS.false_negative)),
+            ("F1", 2 / 3, lambda: f1(COUNTS)),
+        )
+    ),
     Case(
         metric="fvd",
         what="8 features 0 against 8 features 1, d = 3",
@@ -218,6 +211,12 @@ CASES: tuple[Case, ...] = (
         found=lambda: float(released_fusion(0.1107, -0.08285)),
     ),
     Case(
+        metric="dover",
+        what="released fusion one spread above both means: 1 / (1 + exp -1)",
+        expected=1 / (1 + math.exp(-1)),
+        found=lambda: float(released_fusion(0.1107 + 0.07355, -0.08285 + 0.03774)),
+    ),
+    Case(
         metric="psnr",
         what="of the mean of the errors 0.5 and 0.1",
         expected=5.23,
@@ -244,6 +243,12 @@ CASES: tuple[Case, ...] = (
         found=lambda: score(next(iter(SSIMS.values())), [FIRST], [FIRST]).value,
     ),
     Case(
+        metric="ssim",
+        what="flat 100 against flat 200: (40000 + 2.55^2) / (50000 + 2.55^2)",
+        expected=(40000 + 2.55**2) / (50000 + 2.55**2),
+        found=lambda: score(next(iter(SSIMS.values())), [_of_flat(100)], [_of_flat(200)]).value,
+    ),
+    Case(
         metric="seg",
         what="mIoU of [[3, 1], [2, 4]]: (1/2 + 4/7) / 2",
         expected=(1 / 2 + 4 / 7) / 2,
@@ -264,6 +269,35 @@ CASES: tuple[Case, ...] = (
     Case(metric="2afc", what="Wilson interval of it, low", expected=0.793, found=lambda: wilson(476, 576)[0], digits=3),
     Case(
         metric="2afc", what="Wilson interval of it, high", expected=0.855, found=lambda: wilson(476, 576)[1], digits=3
+    ),
+    Case(metric="2afc", what="5 of 5, binomial test: 2 / 2^5", expected=0.0625, found=lambda: WinRate(5, 5).p_value),
+    Case(metric="flicker", what="a scene that stands still", expected=0.0, found=lambda: scenes.flicker(0).value),
+    Case(
+        metric="flicker",
+        what="every second frame 20 codes brighter",
+        expected=20.0,
+        found=lambda: scenes.flicker(20).value,
+    ),
+    Case(
+        metric="flicker",
+        what="variance over time of the same: 20^2 / 4",
+        expected=100.0,
+        found=lambda: scenes.variance(20),
+    ),
+    Case(metric="shadow", what="the same picture", expected=1.0, found=lambda: scenes.shadow(1.0).value),
+    Case(
+        metric="shadow",
+        what="half of the contrast, in 8-bit codes: strength left",
+        expected=0.5,
+        found=lambda: scenes.shadow(0.5).others["strength left"],
+        digits=2,
+    ),
+    Case(
+        metric="visibility",
+        what="levels of Koschmieder's law in fog of 100 m",
+        expected=100.0,
+        found=lambda: scenes.visibility(100.0),
+        digits=6,
     ),
 )
 

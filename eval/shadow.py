@@ -170,6 +170,15 @@ class Shadow:
             others={"strength left": strength(total), "border pixels": float(total.pixels)},
         )
 
+    def summands(self, records: Sequence[Products]) -> NDArray[np.float64]:
+        """Products and pixels."""
+        return np.array(records, dtype=np.float64)
+
+    def of_sums(self, sums: NDArray[np.float64]) -> Value:
+        """Correlation over all frames."""
+        ref_ref, gen_gen, ref_gen, pixels = (float(value) for value in sums)
+        return correlation(Products(ref_ref, gen_gen, ref_gen, int(pixels)))
+
 
 PRESETS = {"log luminance": Shadow()}
 

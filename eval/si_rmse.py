@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eval.errors import MetricError
-from eval.score import Score
+from eval.score import Score, mean_of_sums, summands_of_mean
 from eval.values import Undefined, Value, mean
 
 NO_DEPTH = Undefined("no pixel has a depth on both sides")
@@ -120,6 +120,14 @@ class SiRmse:
         frames = tuple(record.error for record in records)
         others = {"share of pixels left out": mean([record.left_out for record in records])}
         return Score(value=mean(frames), frames=frames, others=others)
+
+    def summands(self, records: Sequence[DepthError]) -> NDArray[np.float64]:
+        """Errors and frames that have one."""
+        return summands_of_mean([record.error for record in records])
+
+    def of_sums(self, sums: NDArray[np.float64]) -> Value:
+        """Mean over the frames that have depths on both sides."""
+        return mean_of_sums(sums)
 
     def _error(self, gen: NDArray[Any], ref: NDArray[Any]) -> float:
         return eigen(gen, ref) if self.scaling == "log mean" else median_scaled(gen, ref, self.cap)

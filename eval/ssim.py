@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from eval.errors import MetricError
 from eval.pictures import check_pair
-from eval.score import Score
-from eval.values import mean
+from eval.score import Score, mean_of_sums, summands_of_mean
+from eval.values import Value, mean
 
 TILE = 64  # side of what is worked on at once [px]: what belongs to it stays in the cache
 
@@ -79,6 +79,14 @@ class Ssim:
     def pool(self, records: Sequence[float]) -> Score:
         """Mean over the frames."""
         return Score(value=mean(records), frames=tuple(records))
+
+    def summands(self, records: Sequence[float]) -> NDArray[np.float64]:
+        """SSIM and frames."""
+        return summands_of_mean(records)
+
+    def of_sums(self, sums: NDArray[np.float64]) -> Value:
+        """Mean over the frames."""
+        return mean_of_sums(sums)
 
     def _tiles(self, height: int, width: int) -> Iterator[tuple[slice, slice]]:
         """Parts of the picture that tile the map, each larger than its tile by the window."""

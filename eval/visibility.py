@@ -132,7 +132,7 @@ class Visibility:
         """Visibility of all frames' levels, and of every frame's alone."""
         veil = _veil(records)
         frames = tuple(_visibility(_veil([record])) for record in records)
-        return Score(value=_visibility(veil), frames=frames, others=_others(veil))
+        return Score(value=_visibility(veil), frames=frames, others=_others(veil), interval=_interval(veil))
 
 
 PRESETS = {"koschmieder": Visibility()}
@@ -253,11 +253,26 @@ def _visibility(veil: Veil | Undefined) -> Value:
     return sigma_to_visibility(veil.sigma_t)
 
 
+def _interval(veil: Veil | Undefined) -> tuple[float, float] | None:
+    """Ends of the visibility's 95 % interval, where there is a visibility and both ends exist."""
+    if isinstance(veil, Undefined) or isinstance(_visibility(veil), Undefined):
+        return None
+    half = _half_width(veil)
+    if half >= veil.sigma_t:
+        return None
+    return sigma_to_visibility(veil.sigma_t + half), sigma_to_visibility(veil.sigma_t - half)
+
+
+def _half_width(veil: Veil) -> float:
+    """Half of sigma_t's 95 % interval."""
+    return float(student.ppf(0.975, veil.points - 3)) * veil.error
+
+
 def _others(veil: Veil | Undefined) -> dict[str, Value]:
     """The fit's other figures; the interval is that of 95 %."""
     if isinstance(veil, Undefined):
         return {}
-    half = float(student.ppf(0.975, veil.points - 3)) * veil.error
+    half = _half_width(veil)
     return {
         "sigma_t": veil.sigma_t,
         "sigma_t low": max(veil.sigma_t - half, 0.0),

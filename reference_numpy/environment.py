@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 LOBES = 4  # round ones, for the two parts of Schlick's Fresnel term F0 (1 - x) + x
 PARTS = (slice(0, 3), slice(3, 4))  # of the part with F0, long at a slant: three, side by side; of the other: one
+FADING = 0.02  # [1] of occlusion, over which what is all but occluded fades out
 
 
 def octahedral(d: Array) -> tuple[Array, Array]:
@@ -102,5 +103,11 @@ def reflection(table: Array, part: Array, mirror: Array, normal: Array) -> Array
 
 
 def specular_occlusion(NoV: Array, occlusion: Array, roughness: Array) -> Array:
-    """Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014."""
-    return np.clip((NoV + occlusion) ** np.exp2(-16 * roughness - 1) - 1 + occlusion, 0.0, 1.0)
+    """Share of the specular lobe that is not occluded, 0 where `occlusion` is.
+
+    Lagarde and de Rousiers 2014, but not cut off at 0, near which rounding would be all that is left: it fades out.
+    That is at most `FADING` / 2 more.
+    """
+    open_ = (NoV + occlusion) ** np.exp2(-16 * roughness - 1) - 1 + occlusion
+    faded = 0.5 * (open_ + np.sqrt(open_**2 + FADING**2))
+    return np.minimum(faded, np.minimum(4 * occlusion, 1.0))

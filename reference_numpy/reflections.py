@@ -26,24 +26,22 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_numpy.brdf import DIELECTRIC_F0, MIN_NOV
+from reference_numpy.brdf import DIELECTRIC_F0
 from reference_numpy.environment import PARTS, lobes, prefiltered, specular_occlusion
+from reference_numpy.mirrored import Mirrored
 from reference_numpy.ramps import smoothstep
+from reference_numpy.row_means import RowMeans
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 FINER = 5  # steps in the place of one, twice over
-BLOCKS = (3, 9, 27)  # [px] rows over which radiance is averaged, for steps that are not walked in finer ones
 WET = 0.25  # from which wetness on a surface mirrors in full
 SMOOTH = 0.5  # [1] of the largest roughness, over which mirroring ends
-LOBE = 2.0  # [1] half the lobe's width in elevation, of alpha: that of GGX at half its height, some tail included
-NEAR = 0.005  # [1] of the depth, beyond which things count
 EDGE = 0.05  # [1] of the picture's size, over which things at its borders fade
 FADE = 0.25  # [1] of reach and thickness, over which they end
 HIDDEN_M = 4.0  # [m] that things reach behind what is seen, if they stand before the mirroring place
 GROUND_M, GROUND_SLOPE = 0.03, 0.01  # [m], [1] how high above the mirroring place the ground itself may lie
-OWN = 1e-6  # [1] of a block's rows, for which the thing itself counts: there may be no other
 NOTHING = 1e6  # [m] depth of the sky
 
 
@@ -113,7 +111,7 @@ def reflections(
         return {"rgb": out, "reflection": mirrored}
     v, u = (i.astype(np.int64) for i in np.nonzero(on))
     picture = _Picture(rgb, emissive, np.where(sky, NOTHING, np.minimum(depth, NOTHING)), fy)
-    ray = _Mirrored(u, v, depth[on], normal[on], roughness[on], fx, fy, cx, cy, np.asarray(up, dtype=np.float64))
+    ray = Mirrored(u, v, depth[on], normal[on], roughness[on], fx, fy, cx, cy, np.asarray(up, dtype=np.float64))
     covered, seen = _walk(picture, ray, steps, reach_m, thickness_m)
     weight = wet[on] * smoothstep(0.0, 1.0, (max_roughness - roughness[on]) / (SMOOTH * max_roughness)) * ray.fit
     share, L_env = _surroundings(
@@ -131,68 +129,10 @@ class _Picture:
     def __init__(self, rgb: Array, emissive: Array, depth: Array, fy: float) -> None:
         self.rgb, self.depth, self.fy = rgb, depth, fy
         self.height, self.width = depth.shape
-        lit = np.maximum(rgb - emissive, 0.0)
-        solid = np.concatenate([lit, np.ones((*depth.shape, 1))], axis=-1) * (depth < NOTHING)[..., None]
-        self.blocks = [_means(solid, rows) for rows in BLOCKS]
-
-    def mean(self, y: Ints, x: Ints, stride: Ints, own: Array) -> Array:
-        """Radiance of things around the middle of a step that ends in row y, (M, 3); `own` where there is none."""
-        out = own.copy()
-        for i, rows in enumerate(BLOCKS):
-            last = i == len(BLOCKS) - 1
-            of = (stride > (BLOCKS[i - 1] if i else 1)) & ((stride <= rows) | last)
-            above, weight = np.divmod(2 * y[of] + stride[of] - rows, 2 * rows)
-            above, below = (np.clip(above + k, 0, len(self.blocks[i]) - 1) for k in (0, 1))
-            upper, lower = (self.blocks[i][k, x[of]] for k in (above, below))
-            block = upper + (weight / (2 * rows))[:, None] * (lower - upper)
-            out[of] = (block[:, :3] + OWN * own[of]) / (block[:, 3:] + OWN)
-        return out
+        self.means = RowMeans(np.maximum(rgb - emissive, 0.0), depth < NOTHING)
 
 
-def _means(values: Array, rows: int) -> Array:
-    """Means of every so many rows, the last of what is left."""
-    starts = np.arange(0, len(values), rows)
-    counts = np.diff(starts, append=len(values))
-    return np.asarray(np.add.reduceat(values, starts, axis=0) / counts[:, None, None])
-
-
-class _Mirrored:
-    """Mirrored rays of pixels, (N,) of them, and their way in the picture."""
-
-    def __init__(
-        self, u: Ints, v: Ints, Z0: Array, normal: Array, roughness: Array, fx: float, fy: float, cx: float, cy: float,
-        up: Array,
-    ) -> None:  # fmt: skip
-        self.u, self.v, self.Z0 = u, v, Z0
-        n = normal / np.maximum(np.linalg.norm(normal, axis=-1, keepdims=True), 1e-18)
-        r = np.stack([(u - cx) / fx, (v - cy) / fy, np.ones(len(u))], axis=-1)
-        stretch = np.linalg.norm(r, axis=-1)
-        S = np.einsum("...c,...c->...", n, r)
-        sine = np.clip(-S / stretch, MIN_NOV, 1.0)  # of the angle between surface and ray, before and after
-        cosine = np.maximum(np.sqrt(1 - np.minimum(sine, 1.0) ** 2), MIN_COSINE)
-        # Square to the ray, upwards; what lies q above it, in its and n's plane, has p.X - p.P = q.
-        p = (n * (stretch**2 - 2 * S**2)[:, None] + S[:, None] * r) / (stretch**2 * cosine)[:, None]
-        self.p_r, self.p_u, self.p_v = np.einsum("...c,...c->...", p, r), p[:, 0] / fx, p[:, 1] / fy
-        self.up_r, self.up_u, self.up_v = r @ up, up[0] / fx, up[1] / fy
-        self.n, self.NoV, self.view = n, sine, -r / stretch[:, None]
-        Lz = 1 / stretch + 2 * sine * n[:, 2]
-        self.inv_Lz = 1 / np.maximum(Lz, MIN_AHEAD)
-        # Nearly the same plane for all rays of a lobe, and one that runs up the picture: else no reflections.
-        across, down = fx * n[:, 0] - (u - cx) * n[:, 2], fy * n[:, 1] - (v - cy) * n[:, 2]
-        rise = -down / fy
-        self.lean = across / np.minimum(down, -MIN_RISE * fy)  # [px] to the right, a row down
-        climbs, upright, ahead = rise / MIN_RISE - 1, 2 - 2 * np.abs(self.lean), Lz / MIN_AHEAD - 1
-        self.fit = smoothstep(0.0, 1.0, climbs) * smoothstep(0.0, 1.0, upright) * smoothstep(0.0, 1.0, ahead)
-        self.lobe = LOBE * roughness**2  # [rad], half its width
-        self.below = smoothstep(0.0, 1.0, 0.5 - 0.5 * sine / (cosine * np.maximum(self.lobe, 1e-6)))
-
-
-MIN_COSINE = 0.05  # looking straight down, there is no plane
-MIN_AHEAD = 0.1  # least component ahead of a mirrored ray; below twice it reflections fade
-MIN_RISE = 0.25  # [1] least rows a ray climbs in the picture, of one over a level mirror; below twice it they fade
-
-
-def _walk(picture: _Picture, ray: _Mirrored, steps: int, reach: float, thickness: float) -> tuple[Array, Array]:
+def _walk(picture: _Picture, ray: Mirrored, steps: int, reach: float, thickness: float) -> tuple[Array, Array]:
     """Share of the lobes that things cover, (N,), and the sum of their radiance times what they cover, (N, 3)."""
     passed, seen = np.zeros(len(ray.u)), np.zeros((len(ray.u), 4))
     every = np.arange(len(ray.u))
@@ -212,7 +152,7 @@ def _walk(picture: _Picture, ray: _Mirrored, steps: int, reach: float, thickness
 
 
 def _walk_finer(
-    picture: _Picture, ray: _Mirrored, on: Ints, start: Ints, stride: Ints, passed: Array, to: Array, reach: float,
+    picture: _Picture, ray: Mirrored, on: Ints, start: Ints, stride: Ints, passed: Array, to: Array, reach: float,
     thickness: float,
 ) -> Array:  # fmt: skip
     """One step in finer ones, twice over: what is found times what it covers from `passed` to `to`, (M, 4)."""
@@ -233,7 +173,7 @@ def _walk_finer(
 
 
 def _things(
-    picture: _Picture, ray: _Mirrored, on: Ints, rows: Ints, stride: Ints, reach: float, thickness: float
+    picture: _Picture, ray: Mirrored, on: Ints, rows: Ints, stride: Ints, reach: float, thickness: float
 ) -> tuple[Array, Array, Array, Array]:
     """What the picture shows `rows` above the pixels, between two of its columns.
 
@@ -254,9 +194,9 @@ def _things(
         at = y, np.minimum(x + side, picture.width - 1)
         z = picture.depth[at]
         covers, lobe = _covers(ray, on, z, x + side, rows, stride, picture.fy, reach, thickness)
-        up_to += part * (covers + _hides(ray.Z0[on], z))
+        up_to += part * (covers + _hides(ray.Z0[on] - z, ray.near[on]))
         own = picture.rgb[at]
-        for sums, light in ((found, own), (blurred, picture.mean(*at, stride, own))):
+        for sums, light in ((found, own), (blurred, picture.means.around(*at, stride, own))):
             sums[:, :3] += (part * covers)[:, None] * light
             sums[:, 3] += part * covers
         wide += (w if side else 1 - w) * lobe
@@ -265,13 +205,11 @@ def _things(
 
 
 def _covers(
-    ray: _Mirrored, on: Ints, z: Array, x: Ints, rows: Ints, stride: Ints, fy: float, reach: float, thickness: float
+    ray: Mirrored, on: Ints, z: Array, x: Ints, rows: Ints, stride: Ints, fy: float, reach: float, thickness: float
 ) -> tuple[Array, Array]:
     """Share of the lobe below a thing at depth z in a pixel, if it counts; and half the lobe's width there [px]."""
     d = z - ray.Z0[on]
-    dx = x - ray.u[on]
-    q = ray.p_r[on] * d + z * (dx * ray.p_u[on] - rows * ray.p_v[on])  # [m] above the ray
-    h = ray.up_r[on] * d + z * (dx * ray.up_u - rows * ray.up_v)  # [m] above the mirroring place
+    q, h = (height(on, z, x - ray.u[on], rows) for height in (ray.above_ray, ray.above_place))
     t = np.maximum(d, 0.0) * ray.inv_Lz[on]
     pixel = z / fy
     width = pixel + ray.lobe[on] * t
@@ -280,17 +218,17 @@ def _covers(
     thick = thickness + stride * pixel
     share = share * _ramp(1 + (thick + width - q) / (FADE * thick))
     share = share * _ramp(h / (GROUND_M + GROUND_SLOPE * t) - 1)
-    share = share * _ramp(d / (NEAR * ray.Z0[on])) * _ramp((reach - t) / (FADE * reach))
+    share = share * _ramp(d / ray.near[on]) * _ramp((reach - t) / (FADE * reach))
     return share, width / pixel
 
 
-def _hides(Z0: Array, z: Array) -> Array:
-    """Whether a thing stands before the mirroring place, so that its rays rise behind it, 0 to 1."""
-    return _ramp((Z0 - z) / (NEAR * Z0) - 1) * _ramp((z + HIDDEN_M - Z0) / (FADE * HIDDEN_M))
+def _hides(before: Array, near: Array) -> Array:
+    """Whether a thing stands before the mirroring place [m], so that its rays rise behind it, 0 to 1."""
+    return _ramp(before / near - 1) * _ramp((HIDDEN_M - before) / (FADE * HIDDEN_M))
 
 
 def _surroundings(
-    ray: _Mirrored,
+    ray: Mirrored,
     albedo: Array,
     roughness: Array,
     metallic: Array,

@@ -1,18 +1,13 @@
-"""Flakes near the camera before a picture. Paper, supplement "Particle-based falling snow".
-
-Where they are and how they show: `particles`. A flake scatters light of all its surroundings, most of it from ahead.
-"""
+"""Flakes near the camera before a picture. Paper, supplement "Particle-based falling snow"."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_numpy.particles import blend, capsules, colors, in_front, in_order, places
+from reference_numpy.particles import particles
 
 Array = NDArray[np.float64]
-
-LOBE = 1.0  # roughness of the blur in which surroundings are seen through a flake
 
 
 def snow_fall(
@@ -24,12 +19,14 @@ def snow_fall(
     fy: float,
     cx: float,
     cy: float,
-    snow_count: int,
-    snow_at: NDArray[np.uint32],
-    snow_corner: NDArray[np.int32],
-    snow_axes: Array,
-    snow_move: Array,
-    snow_steps: float,
+    particle_count: int,
+    particle_at: NDArray[np.uint32],
+    particle_corner: NDArray[np.int32],
+    particle_axes: Array,
+    particle_move: Array,
+    particle_steps: float,
+    particle_taper: float,
+    particle_lobe: float,
     light_kind: NDArray[np.int32],
     light_position: Array,
     light_direction: Array,
@@ -56,38 +53,8 @@ def snow_fall(
 
     Parameters
     ----------
-    rgb
-        (H, W, 3) scene-linear radiance, >= 0.
-    depth
-        (H, W) z of the surfaces [m].
-    sky
-        (H, W) True where the ray meets no surface.
-    fx, fy, cx, cy
-        Intrinsics [px].
-    snow_count, snow_at, snow_corner, snow_axes, snow_move
-        Number, places and motion of the flakes, see `aw4d.world.falling.particle_arguments`.
-    snow_steps
-        Steps of depth a metre by which they are put in order.
-    light_kind, light_position, light_direction, light_intensity, light_cos_inner, light_cos_outer, light_r_max
-        Local lights, see `fog`.
-    env_rotation, env_specular
-        (3, 3) camera to world; (L, N, N, 4) prefiltered radiance, see `environment.prefiltered`.
-    sun_direction, sun_irradiance
-        (3,) unit, towards the sun, camera frame; (3,) of a surface square to it.
-    haze_extinction, haze_color
-        Of what hangs between the flakes [1/m]; (3,) linear.
-    near_m, reach_m
-        Depth and distance between which flakes show [m].
-    opacity
-        Strength of flakes.
-    g
-        Mean cosine of the angle by which a flake turns light.
-    aperture_mm, focus_m
-        Width of the lens' opening, and depth in focus.
-    seed
-        By which places are drawn.
-    convention
-        "physical" or "paper", see `particles.capsules`.
+    rgb, depth, sky, ...
+        All as `particles.particles` takes them.
 
     Returns
     -------
@@ -95,41 +62,5 @@ def snow_fall(
         `rgb` (H, W, 3); `flake_alpha` (H, W) share of a pixel's light that flakes hide; `flake_depth` (H, W) depth of
         the nearest flake that covers half of the pixel, or of the surface [m].
     """
-    shown = capsules(
-        *places(snow_count, snow_at, snow_corner, snow_axes, seed),
-        move=snow_move,
-        taper=1.0,
-        fx=fx,
-        fy=fy,
-        cx=cx,
-        cy=cy,
-        near_m=near_m,
-        reach_m=reach_m,
-        opacity=opacity,
-        aperture_mm=aperture_mm,
-        focus_m=focus_m,
-        convention=convention,
-    )
-    height, width = depth.shape
-    shown = shown.take(in_front(shown, width, height))
-    shown = shown.take(in_order(shown.depth, snow_steps))
-    color = colors(
-        shown.place,
-        lobe=LOBE,
-        g=g,
-        env_rotation=env_rotation,
-        env_specular=env_specular,
-        sun_direction=sun_direction,
-        sun_irradiance=sun_irradiance,
-        light_kind=light_kind,
-        light_position=light_position,
-        light_direction=light_direction,
-        light_intensity=light_intensity,
-        light_cos_inner=light_cos_inner,
-        light_cos_outer=light_cos_outer,
-        light_r_max=light_r_max,
-        haze_extinction=haze_extinction,
-        haze_color=haze_color,
-    )
-    picture, alpha, nearest = blend(shown, color, rgb=rgb, depth=depth, sky=sky)
+    picture, alpha, nearest = particles(**locals())
     return {"rgb": picture, "flake_alpha": alpha, "flake_depth": nearest}

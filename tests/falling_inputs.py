@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -20,6 +21,7 @@ from aw4d.passes import PASSES
 from aw4d.scene import Scene
 from aw4d.world import anchor
 from aw4d.world.falling import rain_arguments, snow_arguments
+from reference_numpy.capsules import UNITS
 
 Params = RainStreaksParams | SnowFallParams
 LEVEL = np.diag([1.0, -1.0, -1.0])  # camera to world: looks along -z, upright
@@ -96,9 +98,18 @@ def scene(
     rainy = isinstance(p, RainStreaksParams)
     falling = rain_arguments(p, info, index) if rainy else snow_arguments(p, info, index)  # type: ignore[arg-type]
     tables = arrays(overcast() if around is None else around, camera, white_cd_m2).arguments()
-    world = anchor(camera, float(info.times[index]), info.world_origin) | falling
+    world = anchor(camera, float(info.times[index]), info.world_origin)
+    world |= {f"{NAMES[type(p)]}.{name}": value for name, value in falling.items()}
     world |= {"haze_extinction": haze, "haze_color": np.array(haze_color, dtype=np.float32)}
     return Scene(lights=in_camera(lights or [], camera), environment=tables, world=world)
+
+
+def in_one_tile(where: Scene, p: Params) -> Scene:
+    """The same with all particles but those nearer than `near_m` ahead, from 0 to 9 m, within 6 mm of the axis."""
+    own = NAMES[type(p)]
+    corner, sides = np.array([-(2**30), -(2**30), 0], dtype=np.int32), np.array([0.012, 0.012, 9.0])
+    box = {"particle_corner": corner, "particle_axes": np.diag(sides / UNITS).astype(np.float32).ravel()}
+    return replace(where, world={**where.world, **{f"{own}.{name}": value for name, value in box.items()}})
 
 
 def results(p: Params) -> list[str]:

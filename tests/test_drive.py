@@ -94,8 +94,7 @@ def test_masks_of_the_clip(
 def test_kernels_match_references_on_the_recording(
     opencl_backend: OpenCLBackend, kitti_clip: Clip, weather: str
 ) -> None:
-    """The error bar on all that every step writes; the fog's in-scatter alone has a test of its own, and so has the
-    largest error of what the ground mirrors."""
+    """The error bar on all that every step writes; the fog's in-scatter alone has a test of its own."""
     truth = truth_of(kitti_clip, weather)
     planes = opencl_backend.upload(truth.frame, truth.scene, list(truth.made.layers))
     for step, expected in zip(truth.made.steps, truth.written, strict=True):
@@ -105,23 +104,10 @@ def test_kernels_match_references_on_the_recording(
             assert name in VECTORS or (found >= 0).all(), name
             if name != "in_scatter":
                 largest, p9999 = error(found, expected[name], vectors=name in VECTORS)
-                assert name == "reflection" or largest <= BAR_MAX, f"{step.name}, {name}: {largest:.2e}"
+                assert largest <= BAR_MAX, f"{step.name}, {name}: {largest:.2e}"
                 assert p9999 <= BAR_P9999, f"{step.name}, {name}: {p9999:.2e}"
         for name in PASSES[step.name].writes:
             opencl_backend.put(planes, name, expected[name].astype(np.float32))
-
-
-@pytest.mark.xfail(strict=True, reason="1.2e-4 in one pixel of a dark puddle, docs/reflections.md")
-def test_the_largest_error_of_what_the_ground_mirrors(opencl_device: OpenCLBackend, kitti_clip: Clip) -> None:
-    truth = truth_of(kitti_clip, "rain")
-    planes = opencl_device.upload(truth.frame, truth.scene, list(truth.made.layers))
-    for step, expected in zip(truth.made.steps, truth.written, strict=True):
-        opencl_device.run(step.name, planes, step.params)
-        if step.name == "reflections":
-            found = opencl_device.download(planes, ["reflection"])["reflection"]
-            assert error(found, expected["reflection"])[0] <= BAR_MAX
-        for name in PASSES[step.name].writes:
-            opencl_device.put(planes, name, expected[name].astype(np.float32))
 
 
 @lru_cache(maxsize=1)

@@ -29,8 +29,10 @@ def at(x: float, y: float, z: float, size: tuple[float, float, float] = (2, 1.6,
     return cuboid(pose, size)
 
 
-def box(x: float, z: float = 20, *, category: str = "Car", track_id: str | None = None) -> Box3D:
-    return Box3D(corners=at(x, 1, z), category=category, track_id=track_id)
+def box(
+    x: float, z: float = 20, *, category: str = "Car", track_id: str | None = None, score: float | None = None
+) -> Box3D:
+    return Box3D(corners=at(x, 1, z), category=category, track_id=track_id, score=score)
 
 
 BESIDE = at(2.5, 0.9, 2)  # the rear is 25 cm behind the camera
@@ -289,6 +291,51 @@ class TestPairing:
     def test_boxes_of_a_frame_that_is_not_compared(self) -> None:
         with pytest.raises(MetricError, match=r"generated: expected frames 0, got boxes of 1 others: 10"):
             box_iou({"0": (box(0),)}, {"10": (box(0),)}, {"0": CAMERA})
+
+    def test_frames_restrict_both_sides_and_the_cameras(self) -> None:
+        ref = {"0": (box(0),), "1": (box(0),), "7": (box(0),)}
+        gen = {"0": (box(-9),), "1": (box(0),), "9": (box(0),)}
+        score = box_iou(ref, gen, dict.fromkeys("012", CAMERA), frames=["1", "2"])
+        assert score.frames == (1.0, Undefined("no box in the picture"))
+        with pytest.raises(MetricError, match="got boxes of 1 others: 7"):
+            box_iou(ref, {}, dict.fromkeys("012", CAMERA), frames=["1", "7"])
+
+
+class TestLeastScore:
+    SURE, UNSURE, LABEL = box(0, score=0.9), box(6, score=0.2), box(-6)
+
+    def test_detections_under_it_are_left_out_and_counted(self) -> None:
+        boxes = {"0": (self.SURE, self.UNSURE, self.LABEL)}
+        score = box_iou(boxes, {"0": (self.SURE, self.LABEL)}, {"0": CAMERA}, BoxIoU(min_score=0.5))
+        assert score.value == 1
+        assert score.others["boxes under the least score"] == 1
+        assert score.others["missed boxes"] == 0
+
+    def test_without_it_all_stay(self) -> None:
+        boxes = {"0": (self.SURE, box(6, score=-3.0))}
+        score = box_iou(boxes, boxes, {"0": CAMERA})
+        assert (score.others["pairs"], score.others["boxes under the least score"]) == (2, 0)
+
+
+class TestCategoriesByNumber:
+    """A number is no kind, and no name: to compare it with one would find nothing, and say 0."""
+
+    NUMBERED, NAMED = {"0": (box(0, category="2"), box(5, category="-1"))}, {"0": (box(0, category="Car"),)}
+
+    def test_vehicles_are_asked_for(self) -> None:
+        with pytest.raises(MetricError, match=r"reference: expected .* vehicle, got numbers: -1, 2 \(--categories"):
+            box_iou(self.NUMBERED, self.NUMBERED, {"0": CAMERA}, PRESETS["paper"])
+
+    def test_the_other_side_has_names(self) -> None:
+        with pytest.raises(MetricError, match=r"generated: expected categories by name.*--categories"):
+            box_iou(self.NAMED, self.NUMBERED, {"0": CAMERA})
+
+    def test_numbers_on_both_sides_are_compared(self) -> None:
+        assert box_iou(self.NUMBERED, self.NUMBERED, {"0": CAMERA}).value == 1
+
+    def test_identities_need_no_names(self) -> None:
+        ref, gen = (({"0": (box(0, category=name, track_id="1"),)}) for name in ("Car", "2"))
+        assert box_iou(ref, gen, {"0": CAMERA}, BoxIoU(pairing="id")).value == 1
 
 
 class TestBroken:

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from aw4d.boxes import Box
-from aw4d.io.kitti_geometry import find_calibration, read_boxes, read_calibration
+from aw4d.io.kitti_geometry import find_calibration, read_calibration
+from aw4d.io.kitti_geometry import read_boxes as read_tracklets
 from aw4d.io.safe_pickle import read_plain_pickle
 from eval.box_iou import Rectangle, iou, visible
 from eval.box_readers import (
     boxes_of_layers,
+    read_boxes,
     read_category_names,
     read_kitti_frames,
     read_kitti_tracking,
@@ -27,7 +29,7 @@ from eval.box_readers import (
     read_waymo,
 )
 from eval.boxes import Box3D, Camera, cuboid, kind
-from eval.errors import MetricError
+from eval.errors import MetricError, MissingError
 from eval.values import Undefined
 
 Array = NDArray[np.float64]
@@ -139,7 +141,7 @@ class TestKITTI:
         label, frames = kitti_drive / "label_02_0003.txt", range(10, 67)
         calibration = read_calibration(cam_to_cam, velo_to_cam)
         poses = np.tile(np.eye(4), (len(frames), 1, 1))  # the world is the camera's frame
-        ingested = read_boxes(label, frames, poses, calibration)
+        ingested = read_tracklets(label, frames, poses, calibration)
         found = read_kitti_tracking(label, read_projection(cam_to_cam))
         assert sum(map(len, found.values())) == sum(map(len, ingested)) > 57
         for frame, expected in zip(frames, ingested, strict=True):
@@ -380,3 +382,66 @@ def test_a_box_compares_with_itself_in_every_format(tmp_path: Path) -> None:
         assert isinstance(a, Rectangle)
         assert isinstance(b, Rectangle)
         assert iou(a, b) == pytest.approx(1)
+
+
+class TestAnyKind:
+    """A file says itself of which kind it is, and what it lacks is asked for by the option that gives it."""
+
+    def ovmono3d(self, folder: Path) -> Path:
+        return write(folder / "o.json", [TestOVMono3D().result()])
+
+    def tracking(self, folder: Path) -> Path:
+        return write(folder / "k.txt", f"7 1 {TestKITTI.FIELDS}\n")
+
+    def frames(self, folder: Path) -> Path:
+        (folder / "label_2").mkdir()
+        return write(folder / "label_2" / "000007.txt", f"{TestKITTI.FIELDS}\n").parent
+
+    def nuscenes(self, folder: Path) -> Path:
+        return write(folder / "n.json", {"results": {"7": [TestNuScenes().item(np.eye(4))]}})
+
+    def layers(self, folder: Path) -> Path:
+        return write(folder / "l.json", {"7": [TestLayers().box(np.eye(4)).to_json()]})
+
+    def waymo(self, folder: Path) -> Path:
+        return write(folder / "w.json", [{"frame": 7, "laserLabels": [{"box": TestWaymo.BOX, "type": 1}]}])
+
+    @pytest.mark.parametrize("kind_of_file", ["ovmono3d", "tracking", "frames", "nuscenes", "layers", "waymo"])
+    def test_one_car(self, tmp_path: Path, kind_of_file: str) -> None:
+        found = read_boxes(
+            getattr(self, kind_of_file)(tmp_path),
+            projection=np.eye(3),
+            extrinsic=TestWaymo.EXTRINSIC,
+            camera_to_world={"7": np.eye(4)},
+            categories={2: "car"},
+        )
+        (box,) = found["7"]
+        assert same(box.corners, car())
+        assert kind(box.category) == "vehicle"
+
+    @pytest.mark.parametrize(
+        ("kind_of_file", "option"),
+        [("tracking", "--calib"), ("frames", "--calib"), ("layers", "--clip"), ("waymo", "--camera")],
+    )
+    def test_what_is_missing_is_asked_for(self, tmp_path: Path, kind_of_file: str, option: str) -> None:
+        with pytest.raises(MissingError, match=f"^{option}: "):
+            read_boxes(getattr(self, kind_of_file)(tmp_path))
+
+    def test_what_is_not_needed_is_not_asked_for(self, tmp_path: Path) -> None:
+        assert same(read_boxes(self.nuscenes(tmp_path))["7"][0].corners, car())
+        assert read_boxes(self.ovmono3d(tmp_path))["7"][0].category == "2"
+        assert read_boxes(write(tmp_path / "empty.json", [])) == {}
+
+    def test_a_byte_order_mark_is_no_part_of_json(self, tmp_path: Path) -> None:
+        path = self.ovmono3d(tmp_path)
+        path.write_text(path.read_text(encoding="utf-8"), encoding="utf-8-sig")
+        assert list(read_boxes(path)) == ["7"]
+
+    @pytest.mark.parametrize("text", ["{", "[NaN]", "3"])
+    def test_no_boxes(self, tmp_path: Path, text: str) -> None:
+        with pytest.raises(MetricError, match=r"r\.json: expected"):
+            read_boxes(write(tmp_path / "r.json", text))
+
+    def test_a_folder_of_something_else(self, tmp_path: Path) -> None:
+        with pytest.raises(MetricError, match=r"KITTI labels \*\.txt, got a folder without"):
+            read_boxes(tmp_path)

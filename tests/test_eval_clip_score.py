@@ -58,7 +58,7 @@ def test_broken_embeddings_are_refused(images: np.ndarray, text: np.ndarray) -> 
 @pytest.mark.parametrize(("tokens", "lost"), [(2, 0), (77, 0), (78, 1), (146, 69)])
 def test_what_of_a_text_is_cut_is_counted_and_said(tokens: int, lost: int) -> None:
     score = clip_score(embeddings(1), embeddings(1)[0], tokens=tokens)
-    assert score.others == {"tokens": tokens, "tokens_cut": lost}
+    assert score.others == {"tokens": tokens, "tokens cut": lost}
     said = cut(tokens, 77)
     assert (said is None) == (lost == 0)
     assert said is None or f"its last {lost} are not scored" in said

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from eval.dover import PRESETS, Branches, paper_fusion, read_scores, released_fusion, rescaled
 from eval.errors import MetricError
+from eval.values import mean
 
 SCORES = st.floats(-1, 1)
 VIDEOS = [Branches(technical=0.1107, aesthetic=-0.08285), Branches(technical=0.18425, aesthetic=-0.04511)]
@@ -65,6 +66,16 @@ class TestScore:
         others = PRESETS["paper"].score(VIDEOS).others
         assert others["technical"] == pytest.approx((0.1107 + 0.18425) / 2)
         assert others["aesthetic"] == pytest.approx((-0.08285 - 0.04511) / 2)
+
+    @pytest.mark.parametrize("preset", PRESETS)
+    def test_by_video_are_the_scores_that_are_averaged(self, preset: str) -> None:
+        convention = PRESETS[preset]
+        by_video = convention.by_video(dict(zip("ab", VIDEOS, strict=True)))
+        together = convention.score(VIDEOS)
+        assert list(by_video) == ["a", "b"]
+        assert tuple(score.value for score in by_video.values()) == together.frames
+        for name, value in together.others.items():
+            assert value == mean([score.others[name] for score in by_video.values()])
 
     def test_no_video(self) -> None:
         with pytest.raises(MetricError, match="at least one video"):

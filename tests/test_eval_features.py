@@ -33,7 +33,7 @@ def test_fvd_of_statistics_on_one_side_or_both(tmp_path: Path) -> None:
         features.write(path, arrays)
         found = features.fvd_of(path)
         assert found.value == pytest.approx(fvd(REF, GEN).value, rel=1e-9)
-        assert found.others["videos_ref"] == 20
+        assert found.others["videos of ref"] == 20
 
 
 def test_clip_score_of_features(tmp_path: Path) -> None:
@@ -63,6 +63,25 @@ def test_files_that_lack_something_are_refused(tmp_path: Path, arrays: dict[str,
     features.write(tmp_path / "f.npz", arrays)
     with pytest.raises(MetricError, match=message):
         features.fvd_of(tmp_path / "f.npz")
+
+
+@pytest.mark.parametrize("tokens", [np.nan, np.inf, 2.5, -1, "77", 1j])
+def test_counts_that_are_none_are_refused(tmp_path: Path, tokens: Any) -> None:
+    path = tmp_path / "f.npz"
+    features.write(path, {"images": IMAGES, "text": TEXT, "tokens": tokens, "context": 77})
+    with pytest.raises(MetricError, match=r"f\.npz: expected `tokens` as"):
+        features.clip_score_of(path)
+    count = {"ref_mean": np.zeros(6), "ref_covariance": np.eye(6), "ref_count": tokens}
+    features.write(path, {**count, "gen": GEN})
+    with pytest.raises(MetricError, match=r"f\.npz: expected `ref_count` as"):
+        features.fvd_of(path)
+
+
+def test_a_frame_of_any_number_takes_the_room_of_one(tmp_path: Path) -> None:
+    path = tmp_path / "f.npz"
+    features.write(path, {"ref": np.eye(3), "gen": np.eye(3)[[0, 1, 0]], "frame": [2**62, 7, 2**62]})
+    found = features.identity_of(path, Identity(mean_per="frame"))
+    assert found.frames == (1.0, 0.5)
 
 
 @pytest.mark.parametrize("frame", [[0], [0.0, 1.0], [0, -1]])

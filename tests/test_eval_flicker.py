@@ -139,7 +139,10 @@ def test_nothing_in_common_is_undefined() -> None:
     found = score([picture] * 2, [picture] * 2, [view, turned])
     assert found.value == Undefined("no surface is seen in both frames")
     assert found.others["share of pixels"] == 0
-    assert isinstance(METRIC.pool([]).value, Undefined)
+
+
+def test_one_frame_has_nothing_to_differ_from() -> None:
+    assert METRIC.pool([]).value == Undefined("one frame only")
 
 
 def test_pairs_count_by_their_pixels() -> None:
@@ -181,7 +184,7 @@ def test_static_variance_looks_at_what_is_still_in_every_frame() -> None:
 def test_static_variance_needs_a_camera_that_stands_still_and_two_frames() -> None:
     pictures, views = drive(3)
     assert static_variance(pictures, views).value == Undefined("the camera moves")
-    assert static_variance(pictures[:1], views[:1]).value == Undefined("fewer than two frames")
+    assert static_variance(pictures[:1], views[:1]).value == Undefined("one frame only")
     turned = view_of(np.array(views[0].depth), pose(yaw=0.002))
     assert static_variance(pictures[:2], [views[0], turned]).value == Undefined("the camera moves")
     hidden = view_of(np.array(views[0].depth), pose(), moving=~NOTHING)

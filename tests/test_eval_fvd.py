@@ -73,15 +73,15 @@ def normal(n: int, d: int = 20, seed: int = 0) -> NDArray[np.float64]:
 def test_the_score_says_how_many_videos_there_were() -> None:
     score = fvd(normal(40), normal(30, seed=1) + 1)
     assert score.value == distance(normal(40), normal(30, seed=1) + 1)
-    assert score.others["videos_ref"] == 40
-    assert score.others["videos_gen"] == 30
-    assert score.others["videos_over_d"] == 1.5
+    assert score.others["videos of ref"] == 40
+    assert score.others["videos of gen"] == 30
+    assert score.others["videos over d"] == 1.5
 
 
 def test_identical_videos_are_at_zero_though_their_halves_are_not() -> None:
     score = fvd(normal(40), normal(40))
     assert score.value == 0
-    split = score.others["same_set_split"]
+    split = score.others["same-set split"]
     assert isinstance(split, float)
     assert split > 1
 
@@ -105,15 +105,15 @@ def test_statistics_stand_for_features() -> None:
     ref, gen = normal(40), normal(30, seed=1)
     score = fvd(statistics(ref), statistics(gen))
     assert score.value == pytest.approx(fvd(ref, gen).value, rel=1e-9)
-    assert score.others["videos_gen"] == 30
-    assert score.others["same_set_split"] == Undefined("only statistics are kept")
+    assert score.others["videos of gen"] == 30
+    assert score.others["same-set split"] == Undefined("only statistics are kept")
 
 
 @pytest.mark.parametrize("n", [0, 1])
 def test_a_set_of_one_video_has_no_distribution(n: int) -> None:
     score = fvd(normal(5), normal(n))
     assert score.value == Undefined("a set has fewer than 2 videos")
-    assert score.others["videos_gen"] == n
+    assert score.others["videos of gen"] == n
 
 
 def test_two_videos_cannot_be_halved() -> None:

@@ -113,12 +113,12 @@ RECORDS: list[list[Value]] = [[1.0, 0.5, 0.0], [0.9], [], [Undefined("box under 
 
 def test_the_mean_is_of_boxes_or_of_frames() -> None:
     boxes, frames = (Identity(mean_per=of).pool(RECORDS) for of in ("box", "frame"))  # type: ignore[arg-type]
-    assert boxes.value == frames.others["mean_of_boxes"] == pytest.approx(0.6)
-    assert frames.value == boxes.others["mean_of_frames"] == pytest.approx(0.7)
+    assert boxes.value == frames.others["mean of boxes"] == pytest.approx(0.6)
+    assert frames.value == boxes.others["mean of frames"] == pytest.approx(0.7)
     assert boxes.frames == (1.0, 0.5, 0.0, 0.9, Undefined("box under 32 px"))
     assert frames.frames[2:] == (Undefined("no box in the frame"),) * 2
     assert boxes.others["boxes"] == 5
-    assert boxes.others["boxes_undefined"] == 1
+    assert boxes.others["boxes undefined"] == 1
 
 
 @pytest.mark.parametrize("records", [[], [[], []], [[Undefined("box outside the picture")]]])

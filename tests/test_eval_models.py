@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import socket
 import subprocess
@@ -217,6 +218,44 @@ def test_other_modules_than_i3d_are_refused(open_clip: Any, torch: Any, tmp_path
 
 def test_weights_are_named_by_their_content(clip_file: Path, clip: Clip) -> None:
     assert clip.sha256 == hashes.of_file(clip_file)
+
+
+def test_a_models_identity_is_all_that_decides_its_numbers_and_nothing_else(clip_file: Path, tmp_path: Path) -> None:
+    from tests.tiny_models import save_clip
+
+    same, weights, config = (tmp_path / name for name in ("same", "weights", "config"))
+    for folder in (same, config):
+        folder.mkdir()
+        for file in clip_file.parent.iterdir():
+            (folder / file.name).write_bytes(file.read_bytes())
+    preprocessing = json.loads((config / "open_clip_config.json").read_text(encoding="utf-8"))
+    preprocessing["preprocess_cfg"]["mean"] = [0.5, 0.5, 0.5]
+    (config / "open_clip_config.json").write_text(json.dumps(preprocessing), encoding="utf-8")
+    renamed = (same / clip_file.name).rename(same / "other.bin")
+    save_clip(weights, seed=1)
+    identity = Clip(clip_file).identity
+    assert Clip(renamed).identity == identity
+    for changed in (weights, config):
+        assert Clip(changed / clip_file.name).identity != identity
+
+
+def test_a_model_is_described_without_the_folder_that_it_is_in(clip: Clip, clip_file: Path, i3d_file: Path) -> None:
+    said = clip.description
+    assert (said["file"], said["sha256"], said["activation"]) == (clip_file.name, clip.sha256, "GELU")
+    assert said["model"].startswith("open_clip_config.json ")
+    assert not any(str(clip_file.parent) in text for text in said.values())
+    i3d = I3D(i3d_file)
+    assert i3d.description == {"file": i3d_file.name, "sha256": i3d.identity}
+
+
+def test_the_activation_is_part_of_the_identity(open_clip: Any, tmp_path: Path) -> None:
+    from tests.tiny_models import save_clip
+
+    models = [Clip(save_clip(tmp_path / str(quick), quick_gelu=quick)) for quick in (False, True)]
+    plain, quick = models
+    assert plain.sha256 == quick.sha256
+    assert plain.identity != quick.identity
+    assert [model.description["activation"] for model in models] == ["GELU", "QuickGELU"]
 
 
 def test_real_i3d_on_black_against_white() -> None:

@@ -61,6 +61,15 @@ class TestPeers:
 
 
 class TestDataSet:
+    def test_pictures_of_several_videos_make_one_confusion(self) -> None:
+        metric = PRESETS["paper"]
+        records = [metric.frame(labels(i), labels(i + 9, share_ignored=0)) for i in range(5)]
+        together = metric.pool([*records[:2], *records[2:]])
+        total = sum(record.counts for record in records)
+        ious = [total[i, i] / (total[i].sum() + total[:, i].sum() - total[i, i]) for i in range(19)]
+        assert together.value == pytest.approx(np.mean(ious))
+        assert together.value != pytest.approx(np.mean([metric.pool(of).value for of in (records[:2], records[2:])]))
+
     def test_confusion_is_summed_not_means_averaged(self) -> None:
         ref = [np.array([0, 0, 0, 1], np.uint8), np.array([0, 1, 1, 1], np.uint8)]
         gen = [np.array([0, 0, 0, 0], np.uint8), np.array([1, 1, 1, 1], np.uint8)]
@@ -109,6 +118,18 @@ def test_train_ids() -> None:
     assert [int(ids[label]) for label in CITYSCAPES.values()] == list(range(19))
     assert np.count_nonzero(ids != IGNORED) == 19
     assert list(CITYSCAPES)[ids[26]] == "car"
+
+
+def test_label_ids_on_either_side_or_both() -> None:
+    ref, gen = labels(5), labels(6, share_ignored=0)
+    of_train_id = np.append(list(CITYSCAPES.values()), np.zeros(256 - 19)).astype(np.uint8)  # 0: unlabelled
+    expected = score(PRESETS["paper"], [ref], [gen])
+    for metric, sides in (
+        (PRESETS["label-ids"], (of_train_id[ref], of_train_id[gen])),
+        (Segmentation(ref_label_ids=True), (of_train_id[ref], gen)),
+        (Segmentation(gen_label_ids=True), (ref, of_train_id[gen])),
+    ):
+        assert score(metric, [sides[0]], [sides[1]]).others == expected.others
 
 
 def test_real_labels_against_themselves_and_moved(kitti_drive: Path) -> None:

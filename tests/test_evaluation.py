@@ -18,10 +18,10 @@ from aw4d.clip import Clip
 from aw4d.colour import encode_srgb8
 from aw4d.errors import InputError
 from aw4d.evaluation.pairs import Selection
-from aw4d.evaluation.report import labels_of, report, show_self_test
+from aw4d.evaluation.report import check_outputs, labels_of, report, show_self_test
 from aw4d.evaluation.request import Request
 from aw4d.evaluation.result import to_json
-from aw4d.evaluation.run import METRICS, evaluate
+from aw4d.evaluation.run import METRICS, Findings, evaluate
 from aw4d.ingest import ingest_street
 from aw4d.io.images import write_png
 from aw4d.output import write_edit
@@ -59,8 +59,8 @@ def copy(street: Clip, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return pictures(tmp_path_factory.mktemp("copy") / "same", recorded(street))
 
 
-def only(found: tuple[list[Any], dict[str, str]]) -> Score:
-    ((result,), _) = found
+def only(found: Findings) -> Score:
+    (result,) = found.results
     (score,) = result.scores.values()
     assert isinstance(score, Score)
     return score
@@ -75,7 +75,7 @@ def test_what_is_identical_has_the_ideal_value(street: Clip, copy: Path, tmp_pat
     labels = pictures(tmp_path / "labels", [np.where(street.frame(0)["road"], 0, 255).astype(np.uint8)])
     request = Request(ref=street.path, gen=copy, gen_depth=street.path, gen_boxes=street.path)
     request = dataclasses.replace(request, ref_labels=labels, gen_labels=labels)
-    found = {result.metric: result.value for result in evaluate("all", request)[0]}
+    found = {result.metric: result.value for result in evaluate("all", request).results}
     assert found["psnr"] == math.inf
     ideal = {"ssim": 1.0, "edge-f1": 1.0, "si-rmse": 0.0, "iou": 1.0, "seg": 1.0, "shadow": 1.0}
     assert {name: number(found[name]) for name in ideal} == pytest.approx(ideal, abs=1e-9)
@@ -86,7 +86,8 @@ def test_what_is_identical_has_the_ideal_value(street: Clip, copy: Path, tmp_pat
 
 
 def test_all_names_what_each_skipped_metric_lacks(street: Clip, copy: Path) -> None:
-    results, skipped = evaluate("all", Request(ref=street.path, gen=copy))
+    results, skipped, failed = evaluate("all", Request(ref=street.path, gen=copy))
+    assert not failed
     assert {result.metric for result in results} | skipped.keys() == METRICS.keys()
     assert skipped.keys() == NEEDS_FILES | {"si-rmse", "iou"}
     assert "--gen-depth" in skipped["si-rmse"]
@@ -114,8 +115,8 @@ def test_unknown_names_are_refused(copy: Path) -> None:
 
 
 def test_all_takes_a_preset_where_a_metric_has_it(copy: Path) -> None:
-    results, _ = evaluate("all", Request(ref=copy, gen=copy), preset="pai-bench")
-    conventions = {result.metric: result.convention for result in results}
+    found = evaluate("all", Request(ref=copy, gen=copy), preset="pai-bench")
+    conventions = {result.metric: result.convention for result in found.results}
     assert conventions["edge-f1"] == "pai-bench"
     assert conventions["psnr"] == "scikit-image"
 
@@ -141,7 +142,7 @@ def fogs(street: Clip, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Pa
 def test_denser_fog_is_worse_and_is_measured(street: Clip, fogs: dict[int, Path]) -> None:
     found = []
     for path in fogs.values():
-        results, _ = evaluate("all", Request(ref=street.path, gen=path))
+        results = evaluate("all", Request(ref=street.path, gen=path)).results
         found.append({result.metric: number(result.value) for result in results})
     for name in ("edge-f1", "psnr", "visibility"):
         values = [values[name] for values in found]
@@ -155,16 +156,20 @@ def test_the_parameter_stands_beside_the_visibility(street: Clip, fogs: dict[int
 
 
 def test_json_is_strict_and_csv_has_a_row_a_frame(street: Clip, copy: Path, tmp_path: Path) -> None:
-    results, skipped = evaluate("all", Request(ref=street.path, gen=copy))
+    request = Request(ref=street.path, gen=copy)
+    found = evaluate("all", request)
     files = {name: tmp_path / f"out.{name}" for name in ("json", "csv", "png")}
     labels = {"method": "Ours"}
-    report(results, skipped, labels, cli.out_console, json_file=files["json"], csv_file=files["csv"], plot=files["png"])
+    named = {"json_file": files["json"], "csv_file": files["csv"], "plot": files["png"]}
+    check_outputs(request, *named.values(), overwrite=False)
+    report(found, request, labels, cli.out_console, **named)
 
     def refuse(text: str) -> None:
         raise AssertionError(text)
 
     content = json.loads(files["json"].read_text(encoding="utf-8"), parse_constant=refuse)
-    assert content == json.loads(json.dumps(to_json(results, skipped, labels), allow_nan=False))
+    assert content == json.loads(json.dumps(to_json(*found, request.given(), labels), allow_nan=False))
+    assert content["inputs"] == {"ref": str(street.path), "gen": str(copy)}
     assert content["method"] == "Ours"
     psnr = next(result for result in content["results"] if result["metric"] == "psnr")
     assert psnr["value"] is None
@@ -184,7 +189,7 @@ def test_several_videos_are_paired_and_averaged(street: Clip, tmp_path: Path) ->
         noisy = [np.clip(f + rng.normal(0, noise, f.shape), 0, 255).astype(np.uint8) for f in source]
         pictures(tmp_path / "ref" / name, source)
         pictures(tmp_path / "gen" / name, noisy)
-    ((result,), _) = evaluate("psnr", Request(ref=tmp_path / "ref", gen=tmp_path / "gen"))
+    (result,) = evaluate("psnr", Request(ref=tmp_path / "ref", gen=tmp_path / "gen")).results
     assert list(result.scores) == ["a", "b"]
     each = [number(score.value) for score in result.scores.values()]
     assert each[0] > each[1] + 6
@@ -195,16 +200,18 @@ def test_several_videos_are_paired_and_averaged(street: Clip, tmp_path: Path) ->
 
 
 def test_the_interval_of_one_video_holds_its_pooled_value(street: Clip, fogs: dict[int, Path]) -> None:
-    ((result,), _) = evaluate("edge-f1", Request(ref=street.path, gen=fogs[200]))
+    (result,) = evaluate("edge-f1", Request(ref=street.path, gen=fogs[200])).results
     low, high = result.interval
     assert low < number(result.value) < high
-    again, _ = evaluate("edge-f1", Request(ref=street.path, gen=fogs[200]))
-    assert again[0].interval == (low, high)
+    (again,) = evaluate("edge-f1", Request(ref=street.path, gen=fogs[200])).results
+    assert again.interval == (low, high)
 
 
 def test_a_part_of_the_frames(street: Clip, fogs: dict[int, Path]) -> None:
     request = Request(ref=street.path, gen=fogs[200], selection=Selection(frames="2:6"))
-    whole, part = (evaluate("flicker", r)[0][0] for r in (dataclasses.replace(request, selection=Selection()), request))
+    whole, part = (
+        evaluate("flicker", r).results[0] for r in (dataclasses.replace(request, selection=Selection()), request)
+    )
     (all_frames,), (chosen,) = whole.scores.values(), part.scores.values()
     assert chosen.frames == all_frames.frames[2:5]
 
@@ -249,7 +256,7 @@ def test_models_from_files(street: Clip, copy: Path, tmp_path: Path, open_clip: 
         for name in ("a", "b", "c"):
             pictures(tmp_path / side / name, recorded(street)[:: 1 if name == "a" else -1][:11])
     sets = Request(ref=tmp_path / "ref", gen=tmp_path / "gen", i3d_weights=save_i3d(tmp_path / "i3d.pt"))
-    ((result,), _) = evaluate("fvd", sets)
+    (result,) = evaluate("fvd", sets).results
     assert number(result.value) == 0
     assert len(result.weights["sha256"]) == 64
 
@@ -263,10 +270,11 @@ def test_tables_of_others(tmp_path: Path) -> None:
     scores, responses = tmp_path / "scores.csv", tmp_path / "responses.csv"
     scores.write_text("video,technical,aesthetic\na,0.5,0.25\nb,0.5,0.25\n")
     responses.write_text("left,right,choice\na,b,a\nb,a,a\na,b,b\n")
-    results, _ = evaluate("all", Request(scores=scores, responses=responses))
-    values = {result.metric: result for result in results}
+    found = evaluate("all", Request(scores=scores, responses=responses))
+    values = {result.metric: result for result in found.results}
     assert number(values["dover"].value) == pytest.approx(0.572 * 0.5 + 0.428 * 0.25)
     assert number(values["2afc"].scores["a"].value) == pytest.approx(2 / 3)
+    assert isinstance(values["2afc"].value, Undefined)  # of methods there is no mean
 
 
 def test_the_self_test_passes_and_would_fail(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,5 +287,112 @@ def test_the_self_test_passes_and_would_fail(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_labels() -> None:
     assert labels_of(["method=Ours", "set=a=b"]) == {"method": "Ours", "set": "a=b"}
-    with pytest.raises(InputError, match="--label: expected KEY=VALUE, got 'Ours'"):
+    with pytest.raises(InputError, match="--label: expected KEY=VALUE"):
         labels_of(["Ours"])
+    with pytest.raises(InputError, match="--label: expected KEY=VALUE"):
+        labels_of(["results=1"])
+
+
+def test_results_never_replace_what_was_read(fogs: dict[int, Path], street: Clip, tmp_path: Path) -> None:
+    request = Request(ref=street.path, gen=fogs[50])
+    sidecar, inside, there = fogs[50].with_suffix(".json"), street.path / "x.json", tmp_path / "there.json"
+    there.write_text("{}")
+    for path in (sidecar, inside):
+        with pytest.raises(InputError, match="expected another file than what is read"):
+            check_outputs(request, path, None, None, overwrite=True)
+    with pytest.raises(InputError, match="exists already"):
+        check_outputs(request, there, None, None, overwrite=False)
+    check_outputs(request, there, None, None, overwrite=True)
+    with pytest.raises(InputError, match="got one for two"):
+        check_outputs(request, there, there, None, overwrite=True)
+    with pytest.raises(InputError, match="no such folder"):
+        check_outputs(request, tmp_path / "none" / "x.json", None, None, overwrite=True)
+    with pytest.raises(InputError, match="--plot: expected a file ending in"):
+        check_outputs(request, None, None, tmp_path / "x.jpg", overwrite=True)
+
+
+def test_a_metric_that_fails_leaves_the_others(street: Clip, copy: Path, tmp_path: Path) -> None:
+    scores = tmp_path / "scores.csv"
+    scores.write_text("a,b\n1,2\n")
+    found = evaluate("all", Request(ref=street.path, gen=copy, scores=scores))
+    assert list(found.failed) == ["dover"]
+    assert "technical" in found.failed["dover"]
+    assert {"psnr", "flicker"} <= {result.metric for result in found.results}
+    with pytest.raises(InputError, match="nothing to measure"):
+        evaluate("all", Request())
+
+
+def test_one_clip_against_a_folder_of_its_edits(street: Clip, fogs: dict[int, Path], tmp_path: Path) -> None:
+    folder = tmp_path / "edits"
+    folder.mkdir()
+    for visibility, path in fogs.items():
+        for file in (path, path.with_suffix(".json")):
+            (folder / f"fog_{visibility}{file.suffix}").write_bytes(file.read_bytes())
+    (result,) = evaluate("visibility", Request(ref=street.path, gen=folder)).results
+    found = {name: number(score.value) for name, score in result.scores.items()}
+    assert found == pytest.approx({f"fog_{visibility}": visibility for visibility in fogs}, rel=0.1)
+
+
+def test_edits_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    for method in ("ours", "theirs"):
+        pictures(tmp_path / method / "rain", [np.full((20, 30, 3), 9, np.uint8)])
+    pictures(tmp_path / "source", [np.zeros((20, 30, 3), np.uint8)])
+    table = tmp_path / "pairs.csv"
+    table.write_text("\ufeffref,gen\nsource,ours/rain\nsource,theirs/rain\n", encoding="utf-8")
+    (result,) = evaluate("psnr", Request(ref=tmp_path, gen=tmp_path, pairs=table)).results
+    assert [Path(name).parent.name for name in result.scores] == ["ours", "theirs"]
+
+
+def test_frames_of_other_numbers_are_not_paired(tmp_path: Path) -> None:
+    frames = [np.zeros((20, 30, 3), np.uint8)] * 3
+    first, second = pictures(tmp_path / "a", frames), pictures(tmp_path / "b", frames)
+    for index in (2, 1, 0):
+        (second / f"{index:06d}.png").rename(second / f"{index + 1:06d}.png")
+    with pytest.raises(InputError, match=r"got 000000 in .* and 000001"):
+        evaluate("psnr", Request(ref=first, gen=second))
+    assert only(evaluate("psnr", Request(ref=first, gen=second, selection=Selection(stride="1")))).value == math.inf
+
+
+def test_boxes_of_some_frames_and_of_other_numbers(street: Clip, tmp_path: Path) -> None:
+    info, first = street.info, 40
+    detections = [
+        {
+            "image_id": i + first,
+            "category_id": 0,
+            "score": 0.5,
+            "bbox3D": info.camera(i).to_camera(box.corners()).tolist(),
+        }
+        for i, boxes in enumerate(info.boxes[:5])
+        for box in boxes
+    ]
+    file, names = tmp_path / "boxes.json", tmp_path / "names.json"
+    file.write_text(json.dumps(detections))
+    names.write_text(json.dumps({"categories": [{"id": 0, "name": "car"}]}))
+    request = Request(ref=street.path, gen=file, categories=names, first_frame=first)
+    part = dataclasses.replace(request, selection=Selection(frames="0:5"))
+    assert number(only(evaluate("iou", part)).value) == pytest.approx(1, abs=1e-9)
+    assert number(only(evaluate("iou", request)).value) < 0.9  # later frames have no detections
+    unsure = only(evaluate("iou", dataclasses.replace(part, min_score=0.6)))
+    assert number(unsure.value) == 0
+
+
+def test_depth_that_is_disparity(street: Clip, tmp_path: Path) -> None:
+    (tmp_path / "disparity").mkdir()
+    for index in range(FRAMES):
+        np.save(tmp_path / "disparity" / f"{index:03d}.npy", (30 / street.frame(index)["depth"]).astype(np.float32))
+    request = Request(ref=street.path, gen=tmp_path / "disparity")
+    assert number(only(evaluate("si-rmse", request)).value) > 0.5
+    right = dataclasses.replace(request, gen_disparity=True)
+    assert number(only(evaluate("si-rmse", right)).value) == pytest.approx(0, abs=1e-6)
+
+
+def test_labels_of_several_videos_are_one_confusion(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    for side in ("ref", "gen"):
+        for name, classes in (("a", 2), ("b", 3)):
+            pictures(tmp_path / side / name, [rng.integers(0, classes, (20, 30), dtype=np.uint8) for _ in range(2)])
+    (result,) = evaluate("seg", Request(ref=tmp_path / "ref", gen=tmp_path / "gen")).results
+    assert result.whole is not None
+    assert len(result.whole.frames) == 4
+    assert result.value == result.whole.value
+    assert number(result.value) != np.mean([number(score.value) for score in result.scores.values()])

@@ -17,7 +17,7 @@ from aw4d.params import RainStreaksParams
 from aw4d.scene import Scene
 from aw4d.world.falling import classes, eye_velocity, rain_arguments, view_box
 from aw4d.world.sizes import drop_speed, rain_extinction, rain_sizes
-from reference_numpy.particles import CLASSES, UNITS, places
+from reference_numpy.capsules import CLASSES, UNITS, places
 from tests.conftest import ROOT
 from tests.falling_inputs import LEVEL, check, clip, even, frame, on, reference, scene
 from tests.fog_inputs import all_kinds, street_lamps
@@ -83,7 +83,7 @@ def test_all_that_is_larger_to_the_eye_is_drawn(most: int) -> None:
 
 
 def test_no_rain_has_no_drops() -> None:
-    assert rain_arguments(params(rate_mm_h=0.0), clip(), 1)["rain_count"] == 0
+    assert rain_arguments(params(rate_mm_h=0.0), clip(), 1)["particle_count"] == 0
 
 
 # ---- where drops are
@@ -92,9 +92,9 @@ def test_no_rain_has_no_drops() -> None:
 def world_places(p: RainStreaksParams, info: Any, index: int) -> tuple[np.ndarray, np.ndarray]:
     """Places of all drops in the world [m], and what the box of each is, (N, 3)."""
     given = rain_arguments(p, info, index)
-    axes = given["rain_axes"].astype(np.float64)
-    kind, place = places(given["rain_count"], given["rain_at"], given["rain_corner"], axes, p.seed)
-    scale = given["rain_move"][kind, 4].astype(np.float64)
+    axes = given["particle_axes"].astype(np.float64)
+    kind, place = places(given["particle_count"], given["particle_at"], given["particle_corner"], axes, p.seed)
+    scale = given["particle_move"][kind, 4].astype(np.float64)
     camera = info.camera(index)
     sides, _ = view_box(info, p.reach_m, index)
     world = (scale[:, None] * place) @ camera.camera_to_world[:3, :3].T + camera.camera_to_world[:3, 3]
@@ -107,7 +107,7 @@ def test_drops_fall_on_from_frame_to_frame(start_s: float, origin: tuple[float, 
     p = params(gust_m_s=0.0, wind_m_s=(1.0, 0.0, -2.0))
     info = clip(start_s=start_s, origin=origin, frames=4)
     (before, box), (after, _) = world_places(p, info, 1), world_places(p, info, 2)
-    diameter = rain_arguments(p, info, 1)["rain_move"][:, 3:5].astype(np.float64).prod(axis=1)[: len(before)]
+    diameter = rain_arguments(p, info, 1)["particle_move"][:, 3:5].astype(np.float64).prod(axis=1)[: len(before)]
     speed = drop_speed(diameter * 1e3)
     expected = np.stack([np.full_like(speed, 0.1), -0.1 * speed, np.full_like(speed, -0.2)], axis=1)
     off = (after - before - expected) / box
@@ -127,8 +127,8 @@ def test_places_fill_the_box_evenly() -> None:
     p = params(drops=50_000)
     given = rain_arguments(p, clip(), 1)
     flat = (np.eye(3) / UNITS).ravel()
-    _, place = places(50_000, np.zeros((CLASSES, 4), np.uint32), np.zeros(3, np.int32), flat, 1)
-    assert given["rain_count"] == 50_000
+    _, place = places(50_000, np.zeros((3, CLASSES), np.uint32), np.zeros(3, np.int32), flat, 1)
+    assert given["particle_count"] == 50_000
     counts, _ = np.histogramdd(place, bins=(5, 5, 5), range=[(0, 1)] * 3)
     assert abs(counts - 400).max() < 5 * 20  # five standard deviations
     assert np.abs(np.corrcoef(place.T) - np.eye(3)).max() < 0.02
@@ -144,7 +144,7 @@ def test_the_eye_moves_with_the_poses() -> None:
 def test_streaks_slant_when_driving() -> None:
     def way(speed: float) -> np.ndarray:
         info = clip(speed_m_s=speed)
-        return rain_arguments(params(gust_m_s=0.0, wind_m_s=(0.0, 0.0, 0.0)), info, 1)["rain_move"][:, :3]
+        return rain_arguments(params(gust_m_s=0.0, wind_m_s=(0.0, 0.0, 0.0)), info, 1)["particle_move"][:, :3]
 
     assert np.allclose(way(0.0)[:, [0, 2]], 0, atol=1e-9)
     assert (way(0.0)[:, 1] > 0).all()  # down
@@ -221,14 +221,14 @@ def test_the_papers_drops() -> None:
     p = RainStreaksParams(convention="paper", drops=3000)
     info = clip(frames=4)
     given = rain_arguments(p, info, 1)
-    diameter = given["rain_move"][:, 3] * 1e3
-    assert given["rain_count"] == 3000
+    diameter = given["particle_move"][:, 3] * 1e3
+    assert given["particle_count"] == 3000
     assert 0.5 <= diameter.min() < 0.51
     assert 5.99 < diameter.max() <= 6.0
     assert np.histogram(diameter, 5)[0].min() > 0.99 * CLASSES / 5
-    half = np.linalg.norm(rain_arguments(p, clip(frames=4, speed_m_s=0.0), 1)["rain_move"][:, :3], axis=1)
+    half = np.linalg.norm(rain_arguments(p, clip(frames=4, speed_m_s=0.0), 1)["particle_move"][:, :3], axis=1)
     assert 2 * half.max() == pytest.approx(0.8 * 0.1 * 9.2, rel=0.05)
-    assert given["rain_taper"] == pytest.approx(1 / 0.7)
+    assert given["particle_taper"] == pytest.approx(1 / 0.7)
     assert p.opacity == 0.4
 
 

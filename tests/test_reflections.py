@@ -21,7 +21,9 @@ from aw4d.params import AmbientParams, ReflectionsParams
 from aw4d.scene import Scene
 from aw4d.world import anchor
 from reference_numpy.ambient import ambient
+from reference_numpy.environment import FADING, specular_occlusion
 from reference_numpy.reflections import reflections
+from reference_numpy.row_means import BLOCKS, RowMeans
 from tests import lit_inputs
 
 if TYPE_CHECKING:
@@ -210,6 +212,37 @@ def test_a_lamp_on_rough_ground_is_left_to_its_own_highlight() -> None:
     black = reflecting.with_plane("rgb", np.zeros_like(source["rgb"]))
     none = reference(black, wet(black, floor_of(black)))["reflection"][far]
     assert (lamps - none).mean() < 0.02 * (lit - none).mean()
+
+
+def test_what_is_all_but_occluded_fades_out() -> None:
+    """Lagarde's share within half of what it fades over, never less, all to the digits, and nothing of nothing."""
+    NoV, occlusion, roughness = np.meshgrid(*(np.linspace(0.0, 1.0, 41) for _ in range(3)))
+    NoV = np.maximum(NoV, 1e-4)
+    shares = specular_occlusion(NoV, occlusion, roughness)
+    sharp = (NoV + occlusion) ** np.exp2(-16 * roughness - 1) - 1 + occlusion
+    some = occlusion > FADING
+    assert np.all(shares[some] >= np.clip(sharp, 0.0, 1.0)[some])
+    assert np.all(shares - np.clip(sharp, 0.0, 1.0) <= FADING / 2)
+    assert not shares[occlusion == 0].any()
+    hair = 1e-7
+    moved = specular_occlusion(NoV * (1 + hair), occlusion, roughness)
+    assert np.all(np.abs(moved - shares)[some] <= 1.01 * hair / FADING * shares[some])
+
+
+def test_means_of_rows() -> None:
+    """Of one light that light, whatever sky is between; of sky alone what is given."""
+    light = np.full((50, 2, 3), 0.7)
+    solid = np.random.default_rng(0).random((50, 2)) < 0.7
+    solid[:, 1] = False
+    y, stride = (i.ravel() for i in np.meshgrid(np.arange(50), np.arange(2, 3 * max(BLOCKS))))
+    inside = y + stride <= 50
+    y, stride = y[inside], stride[inside]
+    own = np.full((len(y), 3), 0.2)
+    means = RowMeans(light, solid)
+    found = means.around(y, np.zeros_like(y), stride, own)
+    assert np.all((np.abs(found - 0.7) < 1e-12) | (found == 0.2))
+    assert (found[stride > 9] != 0.2).all()
+    assert np.array_equal(means.around(y, np.ones_like(y), stride, own), own)
 
 
 @cache

@@ -255,7 +255,15 @@ def test_examples_in_docstrings() -> None:
 
 
 def record(metric: str, value: float | None, **more: str) -> dict[str, Any]:
-    return {"metric": metric, "convention": "paper", "figure": "value", "value": value, "method": "Ours", **more}
+    return {
+        "metric": metric,
+        "convention": "paper",
+        "figure": "value",
+        "value": value,
+        "method": "Ours",
+        "file": "r",
+        **more,
+    }
 
 
 def written(path: Path, result: dict[str, Any], **labels: str) -> Path:
@@ -334,6 +342,92 @@ def test_what_eval_writes_is_read(tmp_path: Path) -> None:
     assert cell(records, "tab:downstream", "w/ ours", "ACDC mAcc").this_run == pytest.approx(0.7)
     assert cell(records, "tab:downstream", "w/ ours", "Dark Zurich mAcc").this_run is None
     assert {record["figure"]: record["value"] for record in records}["IoU train"] is None
+
+
+def test_what_all_videos_have_as_one_is_not_averaged(tmp_path: Path) -> None:
+    """mAcc of one confusion of all videos, not the mean of theirs."""
+    one, two = Score(value=0.5, others={"mAcc": 0.6}), Score(value=0.7, others={"mAcc": 0.8})
+    result = Result(
+        metric="seg",
+        unit="1",
+        better="higher",
+        convention="paper",
+        settings={},
+        scores={"a": one, "b": two},
+        whole=Score(value=0.55, others={"mAcc": 0.65}),
+        seconds=1,
+    )
+    write_json(tmp_path / "seg.json", {**to_json([result], {}), "method": "w/ ours", "set": "ACDC"})
+    records = read_results([tmp_path / "seg.json"])
+    assert cell(records, "tab:downstream", "w/ ours", "ACDC mIoU").this_run == 0.55
+    assert cell(records, "tab:downstream", "w/ ours", "ACDC mAcc").this_run == 0.65
+
+
+CHOICES = {
+    "metric": "2afc",
+    "convention": "win rate",
+    "mean": False,
+    "value": None,
+    "reason": "no mean over methods",
+    "videos": {
+        "Ditto": {"value": 0.25, "others": {"wins": 10}},
+        "Ours": {"value": 0.75, "others": {"wins": 30}},
+        "Nobody": {"value": None, "reason": "never shown", "others": {"wins": 0}},
+    },
+}
+
+
+def test_every_method_of_forced_choices_has_its_own_row(tmp_path: Path) -> None:
+    records = read_results([written(tmp_path / "study.json", CHOICES, method="Cosmos-Transfer2.5")])
+    human = {
+        row: cell(records, "tab:eval_general_uniform", row, "human").this_run
+        for row in PAPER.tables["tab:eval_general_uniform"].rows
+    }
+    assert human == {"Video-P2P": None, "Ditto": 0.25, "Cosmos-Transfer2.5": None, "WAN-FUN 2.2": None, "Ours": 0.75}
+    assert {r["method"]: r["value"] for r in records if r["figure"] == "wins"} == {"Ditto": 10, "Ours": 30, "Nobody": 0}
+    assert [(r["value"], r["reason"]) for r in records if r["figure"] == "value" and r["method"] == "Nobody"] == [
+        (None, "never shown")
+    ]
+
+
+def test_what_eval_writes_of_forced_choices_is_read(tmp_path: Path) -> None:
+    scores = {"Ditto": Score(value=0.25), "Ours": Score(value=0.75)}
+    result = Result(
+        metric="2afc",
+        unit="1",
+        better="higher",
+        convention="win rate",
+        settings={},
+        scores=scores,
+        seconds=1,
+        averaged=False,
+    )
+    write_json(tmp_path / "study.json", to_json([result], {}))
+    records = read_results([tmp_path / "study.json"])
+    assert [(r["method"], r["value"]) for r in records] == [("Ditto", 0.25), ("Ours", 0.75)]
+
+
+def test_labels_that_are_in_no_table_are_told_by_name(tmp_path: Path) -> None:
+    study = written(tmp_path / "study.json", CHOICES)
+    seg = {"metric": "seg", "convention": "paper", "value": 0.5}
+    night = written(tmp_path / "night.json", seg, method="w/ ours", set="Dark Zürich", stage="dusk", strength="0.5")
+    used = written(tmp_path / "used.json", seg, method="w/ cosmos", set="Dark Zurich", stage="fog", strength="0.4")
+    lines = [
+        f"{study}: method 'Nobody' is in no table",
+        f"{night}: set 'Dark Zürich' is in no table",
+        f"{night}: stage 'dusk' is in no table",
+        f"{night}: strength '0.5' is in no table",
+    ]
+    assert tables(read_results([study, night, used])).not_used == tuple(lines)
+    shown, machine = io.StringIO(), io.StringIO()
+    reproduce_tables([study, night, used], Console(file=shown, width=600), as_json=False)
+    reproduce_tables([study, night, used], Console(file=machine, width=600), as_json=True)
+    assert all(f"not used: {line}" in shown.getvalue() for line in lines)
+    assert json.loads(machine.getvalue())["not_used"] == lines
+
+
+def test_a_method_of_the_table_without_measurements_is_in_no_table() -> None:
+    assert tables([record("clip", 0.25, method="RainyGS")]).not_used == ("r: method 'RainyGS' is in no table",)
 
 
 def test_labels_come_from_the_file_or_the_settings(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from aw4d.params import SnowFallParams
 from aw4d.scene import Scene
 from aw4d.world.falling import snow_arguments
 from aw4d.world.sizes import flake_diameter, flake_speed, rain_extinction, snow_extinction, snow_sizes
-from reference_numpy.particles import CLASSES
+from reference_numpy.capsules import CLASSES
 from tests.falling_inputs import check, clip, even, frame, on, reference, scene
 from tests.fog_inputs import all_kinds, street_lamps
 
@@ -66,10 +66,10 @@ def test_snow_hides_more_than_rain() -> None:
 def test_flakes_sway() -> None:
     info = clip(frames=40, speed_m_s=0.0)
     still = params(gust_m_s=0.0, wind_m_s=(0.0, 0.0, 0.0))
-    moves = np.array([snow_arguments(still, info, i)["snow_move"][:, :3] for i in range(40)], dtype=np.float64)
+    moves = np.array([snow_arguments(still, info, i)["particle_move"][:, :3] for i in range(40)], dtype=np.float64)
     assert (moves[:, :, 1] > 0).all()  # down
     assert np.abs(moves.mean(axis=0)[:, 0]).max() < 0.5 * np.abs(moves[:, :, 0]).max()  # to and fro
-    fixed = snow_arguments(params(flutter_m=0.0, gust_m_s=0.0, wind_m_s=(0.0, 0.0, 0.0)), info, 3)["snow_move"]
+    fixed = snow_arguments(params(flutter_m=0.0, gust_m_s=0.0, wind_m_s=(0.0, 0.0, 0.0)), info, 3)["particle_move"]
     assert not fixed[:, [0, 2]].any()
 
 
@@ -78,18 +78,18 @@ def test_sway_and_speed_belong_together() -> None:
     info = clip(frames=3, step_s=step, speed_m_s=0.0, start_s=5.0)
     p = params(gust_m_s=0.0, wind_m_s=(0.0, 0.0, 0.0), exposure_s=step)
     first, now, last = (snow_arguments(p, info, i) for i in range(3))
-    scale = now["snow_move"][:, 4].astype(np.float64)
-    way = (last["snow_at"].astype(np.int64) - first["snow_at"])[:, :3]
+    scale = now["particle_move"][:, 4].astype(np.float64)
+    way = (last["particle_at"].astype(np.int64) - first["particle_at"]).T
     way = (way + 2**30) % 2**31 - 2**30  # the shorter way around the box
-    metres = way * np.abs(now["snow_axes"].reshape(3, 3)).max(axis=1) * scale[:, None] * (1, -1, -1)
-    assert np.allclose(metres / 2, 2 * now["snow_move"][:, :3] * scale[:, None], atol=1e-7)
+    metres = way * np.abs(now["particle_axes"].reshape(3, 3)).max(axis=1) * scale[:, None] * (1, -1, -1)
+    assert np.allclose(metres / 2, 2 * now["particle_move"][:, :3] * scale[:, None], atol=1e-7)
 
 
 def test_the_papers_flakes() -> None:
     p = SnowFallParams(convention="paper")
     given = snow_arguments(p, clip(speed_m_s=0.0), 1)
-    assert given["snow_count"] == 6000
-    half = given["snow_move"][:, :3] * given["snow_move"][:, 4:5] / (p.exposure_s / 2)
+    assert given["particle_count"] == 6000
+    half = given["particle_move"][:, :3] * given["particle_move"][:, 4:5] / (p.exposure_s / 2)
     assert np.allclose(half, (0.3, 2.0, -0.1), rtol=1e-5)  # (0.3, -2, 0.1) in the world
 
 
@@ -184,5 +184,5 @@ def test_impossible_parameters_are_refused(wrong: dict[str, Any], named: str) ->
 
 def test_no_snow_has_no_flakes() -> None:
     given = snow_arguments(params(rate_mm_h=0.0), clip(), 1)
-    assert given["snow_count"] == 0
-    assert given["snow_move"].shape == (CLASSES, 8)
+    assert given["particle_count"] == 0
+    assert given["particle_move"].shape == (CLASSES, 8)

@@ -37,7 +37,8 @@ def open_labels(folder: Path) -> Video:
         for index in wanted:
             yield check_size(folder, index, _read(files[index]), height, width)
 
-    return Video(path=folder, count=len(files), height=height, width=width, fps=None, frames=frames)
+    names = tuple(file.stem for file in files)
+    return Video(path=folder, count=len(files), height=height, width=width, fps=None, frames=frames, names=names)
 
 
 def _read(path: Path) -> NDArray[np.uint8]:

@@ -1,10 +1,10 @@
-"""Box IoU: whose boxes, in which format, seen by which cameras."""
+"""Box IoU: whose boxes, seen by which cameras."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 
 from aw4d.clip import Clip
 from aw4d.errors import InputError
+from aw4d.evaluation.pairs import Selection
 from aw4d.evaluation.request import Found, MissingInputError, Request, Watch
 from aw4d.evaluation.videos import is_clip
-from aw4d.io.files import listed, read_text
+from aw4d.io.files import read_text
 from eval import box_readers
-from eval.box_iou import box_iou
+from eval.box_iou import BoxIoU, box_iou
 from eval.boxes import Boxes, Camera
 
 Array = NDArray[np.float64]
@@ -33,23 +34,20 @@ class View:
         By the frame's name; empty without a clip.
     camera
         That of all frames, without a clip.
-    extrinsic
-        Camera to vehicle, for boxes of Waymo's; None where it was not given.
-    projection
-        P2, for labels of KITTI's; None where it was not given.
-    categories
-        Names of a detector's numbers of categories; None where they were not given.
+    formats
+        What files of some kinds take besides, by `eval.box_readers.read_boxes`' names.
+    first_frame
+        Number that files give to the first frame.
     """
 
     cameras: Mapping[str, Camera]
     camera_to_world: Mapping[str, Array]
     camera: Camera | None = None
-    extrinsic: Array | None = None
-    projection: Array | None = None
-    categories: Mapping[int, str] | None = None
+    formats: Mapping[str, Any]
+    first_frame: int = 0
 
     def of(self, *sides: Boxes) -> Mapping[str, Camera]:
-        """Camera of every frame to compare: those of the clip, else those that have a box."""
+        """Camera of every frame: those of the clip, else of the frames that have a box."""
         if self.camera is None:
             return self.cameras
         names = {frame for side in sides for frame in side}
@@ -58,32 +56,50 @@ class View:
 
 def boxes(request: Request, conventions: Mapping[str, Any], watch: Watch) -> dict[str, Found]:
     """IoU of the boxes of two files, frames paired by name."""
-    ref, gen = request.both("boxes", "3D boxes")
+    convention: BoxIoU = conventions["iou"]
+    if request.min_score is not None:
+        convention = replace(convention, min_score=request.min_score)
+    ref, gen = request.both("boxes", "3D boxes, JSON, labels of KITTI's or a clip")
     view = _view(request, ref)
-    ours, theirs = (read_boxes(path, view) for path in (ref, gen))
-    return {"iou": Found(scores={gen.stem: box_iou(ours, theirs, view.of(ours, theirs), conventions["iou"])})}
+    sides = [read_boxes(path, view) for path in (ref, gen)]
+    cameras = view.of(*sides)
+    chosen = _chosen(cameras, request.selection)
+    left = [{name: found for name, found in side.items() if name in chosen or name not in cameras} for side in sides]
+    ours, theirs = left
+    score = box_iou(ours, theirs, {name: cameras[name] for name in chosen}, convention)
+    numbers = [int(name) for name in chosen] if all(name.isdigit() for name in chosen) else []
+    return {"iou": Found(scores={gen.stem: score}, numbers={gen.stem: numbers})}
+
+
+def _chosen(cameras: Mapping[str, Camera], selection: Selection) -> list[str]:
+    """Frames that the selection takes; of boxes both sides have the same numbers, so a stride is one number."""
+    names = list(cameras)
+    return [names[index] for index in selection.range_of(len(names), side="ref")]
 
 
 def _view(request: Request, ref: Path) -> View:
-    formats: dict[str, Any] = {
-        "projection": None if request.calib is None else box_readers.read_projection(request.calib),
-        "categories": None if request.categories is None else box_readers.read_category_names(request.categories),
-    }
+    formats: dict[str, Any] = {}
+    if request.calib is not None:
+        formats["projection"] = box_readers.read_projection(request.calib)
+    if request.categories is not None:
+        formats["categories"] = box_readers.read_category_names(request.categories)
     if request.camera is not None:
         camera, extrinsic = _read_camera(request.camera)
-        return View(cameras={}, camera_to_world={}, camera=camera, extrinsic=extrinsic, **formats)
+        formats["extrinsic"] = extrinsic
+        return View(cameras={}, camera_to_world={}, camera=camera, formats=formats, first_frame=request.first_frame)
     try:
         info = (Clip(ref) if is_clip(ref) else request.scene()).info
     except MissingInputError:
         raise MissingInputError("--clip or --camera: what the boxes are seen by") from None
     cameras = {str(i): Camera(K=info.K[i], width=info.width, height=info.height) for i in range(len(info))}
     poses = {str(i): pose for i, pose in enumerate(info.camera_to_world)}
-    return View(cameras=cameras, camera_to_world=poses, **formats)
+    return View(cameras=cameras, camera_to_world=poses, formats=formats, first_frame=request.first_frame)
 
 
 def _read_camera(path: Path) -> tuple[Camera, Array | None]:
+    text = read_text(path)
     try:
-        data = json.loads(read_text(path))
+        data = json.loads(text)
         K = data["K"] if "K" in data else [[data["fx"], 0, data["cx"]], [0, data["fy"], data["cy"]], [0, 0, 1]]
         extrinsic = np.asarray(data["extrinsic"], dtype=np.float64) if "extrinsic" in data else None
         return Camera(K=np.asarray(K, float), width=int(data["width"]), height=int(data["height"])), extrinsic
@@ -92,46 +108,17 @@ def _read_camera(path: Path) -> tuple[Camera, Array | None]:
 
 
 def read_boxes(path: Path, view: View) -> Boxes:
-    """Boxes of a clip, a folder of KITTI labels, a KITTI tracking file, or JSON of one of the known kinds.
+    """Boxes of a clip, or of a file of any known kind, by the clip's numbers of frames.
 
     Raises
     ------
-    InputError
-        The file is of no known kind.
-    MissingInputError
-        What turns its boxes into the camera's frame was not given.
+    MetricError
+        The file is of no known kind, or something that its kind takes was not given.
     """
     if is_clip(path):
         frames = {str(i): [box.to_json() for box in found] for i, found in enumerate(Clip(path).info.boxes)}
         return box_readers.boxes_of_layers(frames, view.camera_to_world, path)
-    if path.is_dir() or path.suffix.lower() == ".txt":
-        return _read_kitti(path, view)
-    return _read_json(path, view)
-
-
-def _read_kitti(path: Path, view: View) -> Boxes:
-    if path.is_dir() and not listed(path, (".txt",)):
-        raise InputError(f"{path}: expected a clip or a folder of KITTI labels (.txt), got neither")
-    if view.projection is None:
-        raise MissingInputError("--calib: the calibration file with P2, of labels of KITTI's")
-    read = box_readers.read_kitti_frames if path.is_dir() else box_readers.read_kitti_tracking
-    return read(path, view.projection)
-
-
-def _read_json(path: Path, view: View) -> Boxes:
-    try:
-        content = json.loads(read_text(path))
-    except ValueError as error:
-        raise InputError(f"{path}: expected boxes as JSON ({error})") from error
-    if isinstance(content, dict) and "results" in content:
-        return box_readers.read_nuscenes(path, view.camera_to_world or None)
-    if isinstance(content, dict):
-        if not view.camera_to_world:
-            raise MissingInputError("--clip: the clip of the scene, in whose world the boxes are")
-        return box_readers.read_layers(path, view.camera_to_world)
-    first = content[0] if isinstance(content, list) and content else None
-    if isinstance(first, dict) and first.keys() & {"laser_labels", "laserLabels"}:
-        if view.extrinsic is None:
-            raise MissingInputError("--camera: with `extrinsic`, camera to vehicle, for boxes of Waymo's")
-        return box_readers.read_waymo(path, view.extrinsic)
-    return box_readers.read_ovmono3d(path, view.categories)
+    first = view.first_frame
+    poses = {str(int(name) + first): pose for name, pose in view.camera_to_world.items()} or None
+    found = box_readers.read_boxes(path, camera_to_world=poses, **view.formats)
+    return {str(int(name) - first) if name.isdigit() else name: boxes for name, boxes in found.items()}

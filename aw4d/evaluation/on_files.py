@@ -11,14 +11,13 @@ from eval.two_afc import read_responses, two_afc, win_rates
 
 
 def dover(request: Request, conventions: Mapping[str, Any], watch: Watch) -> dict[str, Found]:
-    """DOVER of the videos of a file of scores, as one set."""
-    path = request.need("scores", "--scores", "a CSV or JSON with DOVER's technical and aesthetic score of each video")
-    videos = read_scores(path)
-    return {"dover": Found(scores={path.stem: conventions["dover"].score(list(videos.values()))})}
+    """DOVER of every video of a file of scores."""
+    path = request.need("scores", "--scores", "DOVER's technical and aesthetic score of each video, CSV or JSON")
+    return {"dover": Found(scores=conventions["dover"].by_video(read_scores(path)))}
 
 
 def choices(request: Request, conventions: Mapping[str, Any], watch: Watch) -> dict[str, Found]:
     """Win rate of every method of a file of answers."""
-    path = request.need("responses", "--responses", "a CSV of answers with the columns left, right and choice")
+    path = request.need("responses", "--responses", "answers, a CSV with the columns left, right and choice")
     responses = read_responses(path)
     return {"2afc": Found(scores={method: two_afc(responses, method) for method in win_rates(responses)})}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from aw4d.evaluation.labels import label_pairs
 from aw4d.evaluation.pairs import Pair, depth_pairs
 from aw4d.evaluation.request import Found, Request, Watch
-from aw4d.evaluation.stream import scores
-from eval.score import FrameMetric, Score
+from aw4d.evaluation.stream import records
+from eval.score import FrameMetric, pooled
 
 
 def pictures(request: Request, conventions: Mapping[str, Any], watch: Watch) -> dict[str, Found]:
@@ -19,19 +20,32 @@ def pictures(request: Request, conventions: Mapping[str, Any], watch: Watch) -> 
 
 def depths(request: Request, conventions: Mapping[str, Any], watch: Watch) -> dict[str, Found]:
     """Depth si-RMSE."""
-    ref, gen = request.both("depth", "depth")
-    return _streamed(depth_pairs(ref, gen, request.selection, request.pairs), conventions, watch)
+    ref, gen = request.both("depth", "depth, a folder, .npz or clip")
+    sides = {"ref_disparity": request.ref_disparity, "gen_disparity": request.gen_disparity}
+    told = {name: replace(convention, **sides) for name, convention in conventions.items()}
+    return _streamed(depth_pairs(ref, gen, request.selection, request.pairs), told, watch)
 
 
 def labels(request: Request, conventions: Mapping[str, Any], watch: Watch) -> dict[str, Found]:
-    """Segmentation: pictures of labels."""
-    ref, gen = request.both("labels", "train ids as 8-bit PNG pictures")
-    return _streamed(label_pairs(ref, gen, request.selection, request.pairs), conventions, watch)
+    """Segmentation: pictures of labels, all videos in one confusion."""
+    ref, gen = request.both("labels", "train ids, a folder of 8-bit PNG pictures")
+    pairs = label_pairs(ref, gen, request.selection, request.pairs)
+    return _streamed(pairs, conventions, watch, whole=True)
 
 
-def _streamed(pairs: Sequence[Pair], metrics: Mapping[str, FrameMetric[Any]], watch: Watch) -> dict[str, Found]:
-    by_metric: dict[str, dict[str, Score]] = {name: {} for name in metrics}
+def _streamed(
+    pairs: Sequence[Pair], metrics: Mapping[str, FrameMetric[Any]], watch: Watch, *, whole: bool = False
+) -> dict[str, Found]:
+    kept: dict[str, dict[str, list[Any]]] = {name: {} for name in metrics}
     for pair in pairs:
-        for name, score in scores(watch(pair, f"{', '.join(metrics)}: {pair.name}", len(pair)), metrics).items():
-            by_metric[name][pair.name] = score
-    return {name: Found(scores=found) for name, found in by_metric.items()}
+        read = records(watch(pair, f"{', '.join(metrics)}: {pair.name}", len(pair)), metrics)
+        for name in metrics:
+            kept[name][pair.name] = [record[name] for record in read]
+    numbers = {pair.name: pair.gen_frames for pair in pairs}
+    found = {}
+    for name, metric in metrics.items():
+        scores = {video: pooled(metric, made) for video, made in kept[name].items()}
+        together = [record for made in kept[name].values() for record in made]
+        all_videos = pooled(metric, together) if whole and len(pairs) > 1 else None
+        found[name] = Found(scores=scores, whole=all_videos, numbers=numbers)
+    return found

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from aw4d.evaluation.depths import is_depth, open_depth
 from aw4d.evaluation.videos import Video, is_video, open_video, stem
 from aw4d.io.files import read_text
 
+LARGEST = 16384  # [px] side that frames are brought to
 SAME_RATE = 0.01  # rates closer than this are one: 29.97 and 30, and times rounded to milliseconds
 
 
@@ -41,6 +43,21 @@ class Selection:
     frames: str | None = None
     stride: str | None = None
     resize: str | None = None
+
+    def range_of(self, count: int, *, side: str) -> range:
+        """Frames that are taken of so many.
+
+        Parameters
+        ----------
+        side
+            "ref" or "gen": of which a stride `R:G` is meant.
+
+        Raises
+        ------
+        InputError
+            `frames` or `stride` cannot be read or met.
+        """
+        return _chosen(range(0, count, _strides(self.stride)[side == "gen"]), self.frames)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,6 +90,22 @@ class Pair:
         sides = (self.ref.frames(self.ref_frames), self.gen.frames(self.gen_frames))
         for ref, gen in zip(*sides, strict=True):
             yield _resized(ref, self.size), _resized(gen, self.size)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taken:
+    """One video by itself, as far as a selection takes it; iterating reads it once, in order."""
+
+    name: str
+    video: Video
+    chosen: range
+    size: tuple[int, int]
+
+    def __len__(self) -> int:
+        return len(self.chosen)
+
+    def __iter__(self) -> Iterator[NDArray[Any]]:
+        return (_resized(frame, self.size) for frame in self.video.frames(self.chosen))
 
 
 def _resized(frame: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
@@ -123,15 +156,47 @@ def depth_pairs(ref: Path, gen: Path, selection: Selection, csv_file: Path | Non
 def pairs(kind: Kind, ref: Path, gen: Path, selection: Selection, csv_file: Path | None) -> list[Pair]:
     """Pairs of any kind, as `video_pairs`."""
     found = _matched(kind, ref, gen) if csv_file is None else _from_csv(kind, csv_file, ref, gen)
-    return [pair(kind.open(one), kind.open(other), selection) for one, other in found]
+    names = _names([other for _, other in found])
+    return [
+        pair(kind.open(one), kind.open(other), selection, name) for (one, other), name in zip(found, names, strict=True)
+    ]
+
+
+def _names(paths: Sequence[Path]) -> list[str]:
+    """Stems, and of those that are not unique the whole paths."""
+    count = Counter(stem(path) for path in paths)
+    return [stem(path) if count[stem(path)] == 1 else path.as_posix() for path in paths]
+
+
+def videos_of(path: Path, selection: Selection, *, side: str) -> list[Taken]:
+    """The video, or the videos of a folder by stem, as far as the selection takes them.
+
+    Parameters
+    ----------
+    side
+        "ref" or "gen": of which a stride `R:G` is meant.
+
+    Raises
+    ------
+    InputError
+        There is none, or one cannot be read.
+    """
+    paths = [path] if is_video(path) else list(_by_stem(_VIDEO, path).values())
+    taken = []
+    for name, video in zip(_names(paths), map(open_video, paths), strict=True):
+        size = (video.height, video.width) if selection.resize is None else _size(selection.resize)
+        chosen = selection.range_of(video.count, side=side)
+        taken.append(Taken(name=name, video=video, chosen=chosen, size=size))
+    return taken
 
 
 def _matched(kind: Kind, ref: Path, gen: Path) -> list[tuple[Path, Path]]:
     if kind.is_one(ref) and kind.is_one(gen):
         return [(ref, gen)]
-    for one, other in ((ref, gen), (gen, ref)):
-        if kind.is_one(one):
-            raise InputError(f"{other}: expected one {kind.name}, as {one} is, got {_what_is_there(other)}")
+    if kind.is_one(ref):  # one recording, edited several times
+        return [(ref, one) for one in _by_stem(kind, gen).values()]
+    if kind.is_one(gen):
+        raise InputError(f"{ref}: expected one {kind.name}, as {gen} is, got {_what_is_there(ref)}")
     refs, gens = _by_stem(kind, ref), _by_stem(kind, gen)
     alone = [*(refs[name] for name in refs.keys() - gens.keys()), *(gens[name] for name in gens.keys() - refs.keys())]
     if alone:
@@ -183,8 +248,8 @@ def _from_csv(kind: Kind, file: Path, ref: Path, gen: Path) -> list[tuple[Path, 
     return [(one, other) for other, one in found.items()]
 
 
-def pair(ref: Video, gen: Video, selection: Selection) -> Pair:
-    """Two videos, frame against frame.
+def pair(ref: Video, gen: Video, selection: Selection, name: str | None = None) -> Pair:
+    """Two videos, frame against frame; called as the generated one, unless another name is given.
 
     Raises
     ------
@@ -193,22 +258,21 @@ def pair(ref: Video, gen: Video, selection: Selection) -> Pair:
     """
     if selection.stride is None:
         _check_rate(ref, gen)
-    ref_step, gen_step = _strides(selection.stride)
-    ref_frames, gen_frames = (
-        _chosen(range(0, video.count, step), selection.frames) for video, step in ((ref, ref_step), (gen, gen_step))
-    )
+    ref_frames, gen_frames = selection.range_of(ref.count, side="ref"), selection.range_of(gen.count, side="gen")
     if len(ref_frames) != len(gen_frames):
         raise InputError(
             f"expected as many frames on both sides, got {len(ref_frames)} of {ref.path} and {len(gen_frames)} of "
             f"{gen.path}: --frames 0:{min(len(ref_frames), len(gen_frames))} takes what both have"
         )
+    if selection.stride is None:
+        _check_names(ref, gen, ref_frames, gen_frames)
     size = (ref.height, ref.width) if selection.resize is None else _size(selection.resize)
     if selection.resize is None and (gen.height, gen.width) != size:
         raise InputError(
             f"expected frames of one size, got {ref.width}x{ref.height} in {ref.path} and {gen.width}x{gen.height} in "
             f"{gen.path}: --resize {ref.width}x{ref.height} brings both to the first"
         )
-    return Pair(name=gen.name, ref=ref, gen=gen, ref_frames=ref_frames, gen_frames=gen_frames, size=size)
+    return Pair(name=name or gen.name, ref=ref, gen=gen, ref_frames=ref_frames, gen_frames=gen_frames, size=size)
 
 
 def _check_rate(ref: Video, gen: Video) -> None:
@@ -217,6 +281,24 @@ def _check_rate(ref: Video, gen: Video) -> None:
             f"expected one frame rate, got {ref.fps:.4g} a second in {ref.path} and {gen.fps:.4g} in {gen.path}: "
             "--stride 1 pairs frames by number, --stride R:G every R-th of ref with every G-th of gen"
         )
+
+
+def _check_names(ref: Video, gen: Video, ref_frames: range, gen_frames: range) -> None:
+    """Of two folders of files, frames are paired by place: their numbers must agree."""
+    if ref.names is None or gen.names is None:
+        return
+    for one, other in zip((ref.names[i] for i in ref_frames), (gen.names[i] for i in gen_frames), strict=True):
+        if _number(one) != _number(other):
+            raise InputError(
+                f"expected frames of one number on both sides, got {one} in {ref.path} and {other} in {gen.path}: "
+                "--stride 1 pairs them by place"
+            )
+
+
+def _number(name: str) -> int | None:
+    """The last number in a name; None where there is none."""
+    found = re.findall(r"\d+", name)
+    return int(found[-1]) if found else None
 
 
 def _chosen(frames: range, text: str | None) -> range:
@@ -235,4 +317,6 @@ def _size(text: str) -> tuple[int, int]:
     found = re.fullmatch(r"([1-9]\d*)x([1-9]\d*)", text)
     if not found:
         raise InputError(f"--resize: expected WxH in pixels, as 1280x704, got {text!r}")
+    if max(int(found[1]), int(found[2])) > LARGEST:
+        raise InputError(f"--resize: expected at most {LARGEST} pixels a side, got {text}")
     return int(found[2]), int(found[1])

@@ -61,7 +61,7 @@ def _draw(curve: Any, spread: Any, result: Result) -> None:
         known = [number for number in (plain(score.value) for score in result.scores.values()) if number is not None]
         curve.barh([name for name, score in result.scores.items() if plain(score.value) is not None], known)
     curve.tick_params(labelsize=7)
-    if 1 < len(parts) <= 8:
+    if len(curve.lines) > 1 and len(parts) <= 8:
         curve.legend(fontsize=7)
     if known:
         spread.hist(known, bins=min(40, max(5, int(np.sqrt(len(known)) * 2))))

@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
 
 from aw4d.errors import InputError
 from aw4d.evaluation.plot import check_plot, write_plot
-from aw4d.evaluation.result import Result, reason, to_json, write_csv, write_json
+from aw4d.evaluation.request import Request
+from aw4d.evaluation.result import Result, to_json, write_csv, write_json
+from aw4d.evaluation.run import Findings
+from aw4d.output import sidecar_path
 from eval.self_test import CASES, I3D_EXPECTED, I3D_WHAT, i3d_case
 from eval.values import Undefined, Value
 
 ARROWS = {"higher": "↑", "lower": "↓", "neither": ""}
+
+
+RESERVED = ("versions", "inputs", "results", "skipped", "failed")  # keys of the JSON
 
 
 def labels_of(texts: Sequence[str]) -> dict[str, str]:
@@ -23,20 +30,46 @@ def labels_of(texts: Sequence[str]) -> dict[str, str]:
     Raises
     ------
     InputError
-        A text is no such.
+        A text is no such, or its key is one that the JSON has already.
     """
     found = {}
     for text in texts:
         key, equals, value = text.partition("=")
-        if not (key and equals):
-            raise InputError(f"--label: expected KEY=VALUE, got {text!r}")
+        if not (key and equals) or key in RESERVED:
+            raise InputError(f"--label: expected KEY=VALUE with a key other than {', '.join(RESERVED)}, got {text!r}")
         found[key] = value
     return found
 
 
+def check_outputs(
+    request: Request, json_file: Path | None, csv_file: Path | None, plot: Path | None, *, overwrite: bool
+) -> None:
+    """Refuse, before anything is computed, files that cannot be or must not be written.
+
+    Raises
+    ------
+    InputError
+        Two are the same, one is read or belongs to what is read, one exists (unless `overwrite`), or has no folder.
+    """
+    if plot is not None:
+        check_plot(plot)
+    files = [path for path in (json_file, csv_file, plot) if path is not None]
+    read = {path.resolve() for path in request.paths()}
+    read |= {sidecar_path(path) for path in read}
+    for path in files:
+        if files.count(path) > 1:
+            raise InputError(f"{path}: expected a file for each of --json, --csv and --plot, got one for two")
+        if path.resolve() in read or read & set(path.resolve().parents):
+            raise InputError(f"{path}: expected another file than what is read or belongs to it")
+        if not path.parent.is_dir() or path.is_dir():
+            raise InputError(f"{path}: cannot be written (there is no such folder, or it is one itself)")
+        if path.exists() and not overwrite:
+            raise InputError(f"{path}: exists already; give another path or --overwrite")
+
+
 def report(
-    results: Sequence[Result],
-    skipped: Mapping[str, str],
+    found: Findings,
+    request: Request,
     labels: Mapping[str, str],
     console: Console,
     *,
@@ -44,15 +77,14 @@ def report(
     csv_file: Path | None = None,
     plot: Path | None = None,
 ) -> None:
-    """Print the results, and write those files that are asked for."""
-    show(results, skipped, console)
+    """Print what was found, and write those files that are asked for."""
+    show(found, console)
     if json_file is not None:
-        write_json(json_file, to_json(results, skipped, labels))
+        write_json(json_file, to_json(found.results, found.skipped, found.failed, request.given(), labels))
     if csv_file is not None:
-        write_csv(csv_file, results)
-    if plot is not None:
-        check_plot(plot)
-        write_plot(plot, results)
+        write_csv(csv_file, found.results)
+    if plot is not None and found.results:
+        write_plot(plot, found.results)
 
 
 def show_self_test(console: Console, i3d_weights: Path | None = None) -> bool:
@@ -81,32 +113,40 @@ def number(value: Value) -> str:
     return f"undefined: {value.reason}" if isinstance(value, Undefined) else f"{value:.4g}"
 
 
-def show(results: Sequence[Result], skipped: Mapping[str, str], console: Console) -> None:
-    """Print a row a metric (and one a video, if there are several), what belongs with it, and what was skipped."""
-    if results:
-        console.print(_table(results))
-    for result in results:
+def show(found: Findings, console: Console) -> None:
+    """Print a row a metric (and one a video, if there are several), what belongs with it, and what was not computed."""
+    if found.results:
+        console.print(_table(found.results))
+    for result in found.results:
         for name, score in result.scores.items():
             told = [f"{other} {number(value)}" for other, value in score.others.items()]
             if told:
                 console.print(f"{result.metric}, {name}: {'; '.join(told)}", style="dim", markup=False, soft_wrap=True)
-    for name, lacks in skipped.items():
+    for name, lacks in found.skipped.items():
         console.print(f"{name} skipped: {lacks}", style="yellow", markup=False, soft_wrap=True)
+    for name, cause in found.failed.items():
+        console.print(f"{name} failed: {cause}", style="red", markup=False, soft_wrap=True)
 
 
 def _table(results: Sequence[Result]) -> Table:
-    table = Table()
-    for column in ("metric", "convention", "video", "value", "95 %", "frames", "undefined"):
-        table.add_column(column, overflow="fold")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
+    for column in ("metric", "convention", "value", "95 %"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("video", overflow="fold")
+    table.add_column("frames", justify="right")
+    table.add_column("undef.", justify="right")
     for result in results:
         several = len(result.scores) > 1
         for name, score in result.scores.items():
-            row = name, _with_unit(score.value, result), _ends(score.interval), *_counts(score.frames)
-            table.add_row(*(("", "") if several else _head(result)), *row)
-        if several:
+            value = _with_unit(score.value, result), _ends(score.interval)
+            table.add_row(*(("", "") if several else _head(result)), *value, name, *_counts(score.frames))
+        if several and result.averaged:
             frames = [value for score in result.scores.values() for value in score.frames]
-            mean = f"mean of {len(result.scores)}", _with_unit(result.value, result), _ends(result.interval)
-            table.add_row(*_head(result), *mean, *_counts(frames))
+            of = "all as one" if result.whole is not None else f"mean of {len(result.scores)}"
+            value = _with_unit(result.value, result), _ends(result.interval)
+            table.add_row(*_head(result), *value, of, *_counts(frames))
+        elif several:
+            table.add_row(*_head(result))
     return table
 
 
@@ -116,7 +156,7 @@ def _head(result: Result) -> tuple[str, str]:
 
 
 def _counts(frames: Sequence[Value]) -> tuple[str, str]:
-    return str(len(frames) or ""), str(sum(reason(value) is not None for value in frames) or "")
+    return str(len(frames) or ""), str(sum(isinstance(value, Undefined) for value in frames) or "")
 
 
 def _with_unit(value: Value, result: Result) -> str:

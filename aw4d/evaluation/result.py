@@ -34,11 +34,17 @@ class Result:
     settings
         Its parameters.
     scores
-        By video, or by set for metrics of whole sets.
+        By video, by set for metrics of whole sets, by method for answers.
+    whole
+        Of all videos as one, where that is no mean.
+    averaged
+        Whether the mean over `scores` says anything: of methods it does not.
+    numbers
+        Numbers of the frames that a video's score has, where it has frames.
     seconds
-        How long it took, decoding included where frames were decoded for it alone.
+        How long it took, together with the metrics that were computed from the same reading.
     weights
-        File and SHA-256 of the model's weights, where it has any.
+        The model: file, SHA-256 and what else decides its numbers.
     """
 
     metric: str
@@ -48,25 +54,41 @@ class Result:
     settings: Mapping[str, Any]
     scores: Mapping[str, Score]
     seconds: float
+    whole: Score | None = None
+    averaged: bool = True
+    numbers: Mapping[str, Sequence[int]] = field(default_factory=dict)
     weights: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def value(self) -> Value:
-        """Mean over the videos."""
+        """That of the only video; of all as one, or their mean."""
+        if len(self.scores) == 1:
+            return next(iter(self.scores.values())).value
+        if self.whole is not None:
+            return self.whole.value
+        if not self.averaged:
+            return Undefined("no mean over methods")
         return mean([score.value for score in self.scores.values()])
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Its 95 % interval: over videos where there are several, else the video's own, else over its frames."""
-        scores = list(self.scores.values())
-        if len(scores) > 1:
-            return interval([score.value for score in scores])
-        return scores[0].interval or interval(scores[0].frames)
+        """Its 95 % interval, that of the mean over videos where it is one."""
+        if len(self.scores) == 1:
+            return next(iter(self.scores.values())).interval
+        if self.whole is not None or not self.averaged:
+            return None if self.whole is None else self.whole.interval
+        return interval([score.value for score in self.scores.values()])
 
     @property
     def undefined(self) -> dict[str, int]:
-        """How many frames, and videos, have no value, by reason."""
-        return undefined([value for score in self.scores.values() for value in (score.value, *score.frames)])
+        """How many frames have no value, by reason; of videos without frames, how many of these."""
+        parts = (score.frames or (score.value,) for score in self.scores.values())
+        return undefined([value for values in parts for value in values])
+
+    def frame_numbers(self, name: str) -> Sequence[int]:
+        """Numbers of the frames of a video's score; counted from 0 where its parts are no frames."""
+        frames, numbers = self.scores[name].frames, self.numbers.get(name, ())
+        return numbers if len(numbers) == len(frames) else range(len(frames))
 
     def to_json(self) -> dict[str, Any]:
         """The result as plain numbers, strings and lists; what has no value is null, with its reason."""
@@ -78,13 +100,27 @@ class Result:
             "unit": self.unit,
             "better": self.better,
             **_number("value", self.value),
+            "mean": self.averaged,
             "interval": None if ends is None else list(ends),
             "videos_n": len(self.scores),
             "frames_n": sum(len(score.frames) for score in self.scores.values()),
             "undefined": self.undefined,
             "weights": dict(self.weights),
             "seconds": round(self.seconds, 3),
-            "videos": {name: _score(score) for name, score in self.scores.items()},
+            "others": {} if self.whole is None else _others(self.whole),
+            "videos": {name: self._score(name) for name in self.scores},
+        }
+
+    def _score(self, name: str) -> dict[str, Any]:
+        score = self.scores[name]
+        return {
+            **_number("value", score.value),
+            "interval": None if score.interval is None else list(score.interval),
+            "frame_numbers": list(self.frame_numbers(name)),
+            "frames": [plain(value) for value in score.frames],
+            "undefined": undefined(score.frames),
+            "others": _others(score),
+            "others_undefined": {key: reason(value) for key, value in score.others.items() if reason(value)},
         }
 
 
@@ -104,14 +140,8 @@ def _number(name: str, value: Value) -> dict[str, Any]:
     return {name: plain(value)} if reason(value) is None else {name: None, "reason": reason(value)}
 
 
-def _score(score: Score) -> dict[str, Any]:
-    return {
-        **_number("value", score.value),
-        "interval": None if score.interval is None else list(score.interval),
-        "frames": [plain(value) for value in score.frames],
-        "undefined": undefined(score.frames),
-        "others": {name: plain(value) for name, value in score.others.items()},
-    }
+def _others(score: Score) -> dict[str, float | None]:
+    return {name: plain(value) for name, value in score.others.items()}
 
 
 def versions() -> dict[str, str]:
@@ -125,13 +155,21 @@ def versions() -> dict[str, str]:
     return found
 
 
-def to_json(results: Sequence[Result], skipped: Mapping[str, str], labels: Mapping[str, str]) -> dict[str, Any]:
+def to_json(
+    results: Sequence[Result],
+    skipped: Mapping[str, str],
+    failed: Mapping[str, str] | None = None,
+    given: Mapping[str, Any] | None = None,
+    labels: Mapping[str, str] | None = None,
+) -> dict[str, Any]:
     """Everything of one run; labels stand at the top."""
     return {
-        **labels,
+        **(labels or {}),
         "versions": versions(),
+        "inputs": dict(given or {}),
         "results": [result.to_json() for result in results],
         "skipped": dict(skipped),
+        "failed": dict(failed or {}),
     }
 
 
@@ -144,8 +182,8 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 def _rows(results: Sequence[Result]) -> Iterator[tuple[object, ...]]:
     for result in results:
         for name, score in result.scores.items():
-            for index, value in enumerate(score.frames):
-                yield result.metric, result.convention, name, index, plain(value), reason(value)
+            for number, value in zip(result.frame_numbers(name), score.frames, strict=True):
+                yield result.metric, result.convention, name, number, plain(value), reason(value)
             yield result.metric, result.convention, name, "", plain(score.value), reason(score.value)
         yield result.metric, result.convention, "", "", plain(result.value), reason(result.value)
 

@@ -6,7 +6,7 @@ import dataclasses
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from aw4d.errors import InputError
 from aw4d.evaluation import on_boxes, on_files, on_frames, on_models, on_scenes
@@ -28,6 +28,7 @@ from eval import (
     ssim,
     visibility,
 )
+from eval.errors import MetricError, MissingError
 
 ALL = "all"
 
@@ -46,6 +47,8 @@ class Metric:
         Unit, "1" for none; "higher", "lower" or "neither".
     sides
         What `--ref` and `--gen` stand for where this metric alone is asked for: "depth", "boxes" or "labels".
+    averaged
+        Whether a mean over what it scores says anything.
     """
 
     run: Run
@@ -53,6 +56,7 @@ class Metric:
     unit: str = "1"
     better: str = "higher"
     sides: str | None = None
+    averaged: bool = True
 
 
 METRICS: dict[str, Metric] = {
@@ -69,13 +73,21 @@ METRICS: dict[str, Metric] = {
     "identity": Metric(run=on_models.identity, presets=identity.PRESETS),
     "fvd": Metric(run=on_models.fvd_of_sets, presets=fvd.PRESETS, better="lower"),
     "dover": Metric(run=on_files.dover, presets=dover.PRESETS),
-    "2afc": Metric(run=on_files.choices, presets={"win rate": None}),
+    "2afc": Metric(run=on_files.choices, presets={"win rate": None}, averaged=False),
 }
+
+
+class Findings(NamedTuple):
+    """What was found; by metric what was lacking for it, and what went wrong with it."""
+
+    results: list[Result]
+    skipped: dict[str, str]
+    failed: dict[str, str]
 
 
 def evaluate(
     name: str, request: Request, *, preset: str | None = None, watch: Watch = lambda items, what, count: items
-) -> tuple[list[Result], dict[str, str]]:
+) -> Findings:
     """One metric, or with "all" every metric that the request has the inputs of.
 
     Parameters
@@ -89,32 +101,33 @@ def evaluate(
     watch
         Sees items on their way, to show progress.
 
-    Returns
-    -------
-    list, dict
-        What was found; and by metric what was lacking for it.
-
     Raises
     ------
-    InputError
-        The metric or the convention is unknown, an input is wrong, or the one metric lacks an input.
+    InputError, MetricError
+        The metric or the convention is unknown, there is nothing to measure, or the one metric lacks an input or has
+        a wrong one; of "all", metrics fail each by itself.
     """
     names = list(METRICS) if name == ALL else [name]
     if name != ALL and name not in METRICS:
         raise InputError(f"metric: expected {', '.join(METRICS)} or {ALL}, got {name!r}")
     chosen = {one: _convention(one, preset, strict=name != ALL) for one in names}
     request = _scene_as_reference(request) if name == ALL else _sides(request, METRICS[name].sides)
-    results: list[Result] = []
-    skipped: dict[str, str] = {}
+    found = Findings([], {}, {})
     for run in dict.fromkeys(METRICS[one].run for one in names):
         together = {one: preset_name for one, preset_name in chosen.items() if METRICS[one].run is run}
         try:
-            results += _run(run, together, request, watch)
-        except MissingInputError as lacking:
+            found.results.extend(_run(run, together, request, watch))
+        except (MissingInputError, MissingError) as lacking:
             if name != ALL:
                 raise InputError(f"{name} needs {lacking}") from None
-            skipped |= dict.fromkeys(together, f"needs {lacking}")
-    return results, skipped
+            found.skipped.update(dict.fromkeys(together, f"needs {lacking}"))
+        except (InputError, MetricError) as error:
+            if name != ALL:
+                raise
+            found.failed.update(dict.fromkeys(together, str(error)))
+    if not found.results and not found.failed:
+        raise InputError(f"nothing to measure: every metric lacks an input (psnr {found.skipped['psnr']})")
+    return found
 
 
 def _convention(name: str, preset: str | None, *, strict: bool) -> str:
@@ -122,7 +135,7 @@ def _convention(name: str, preset: str | None, *, strict: bool) -> str:
     if preset in presets:
         return str(preset)
     if preset is not None and (strict or not any(preset in metric.presets for metric in METRICS.values())):
-        known = presets if strict else {one for metric in METRICS.values() for one in metric.presets}
+        known = presets if strict else dict.fromkeys(one for metric in METRICS.values() for one in metric.presets)
         raise InputError(f"--preset: expected {', '.join(known)}, got {preset!r}")
     return next(iter(presets))
 
@@ -153,11 +166,18 @@ def _run(run: Run, chosen: Mapping[str, str], request: Request, watch: Watch) ->
             metric=name,
             unit=METRICS[name].unit,
             better=METRICS[name].better,
-            convention=chosen[name],
-            settings={} if conventions[name] is None else dataclasses.asdict(conventions[name]),
+            convention=found[name].convention or chosen[name],
+            settings=_settings(conventions[name]) if found[name].convention is None else {},
             scores=found[name].scores,
+            whole=found[name].whole,
+            averaged=METRICS[name].averaged,
+            numbers=found[name].numbers,
             weights=found[name].weights,
             seconds=seconds,
         )
         for name in chosen
     ]
+
+
+def _settings(convention: Any) -> dict[str, Any]:
+    return {} if convention is None else dataclasses.asdict(convention)

@@ -15,8 +15,8 @@ Frames = tuple[NDArray[Any], NDArray[Any]]
 WORKERS = 2
 
 
-def scores(frames: Iterable[Frames], metrics: Mapping[str, FrameMetric[Any]]) -> dict[str, Score]:
-    """Every metric of two videos, with its interval.
+def records(frames: Iterable[Frames], metrics: Mapping[str, FrameMetric[Any]]) -> list[dict[str, Any]]:
+    """What every metric keeps of every pair of frames, in order.
 
     Parameters
     ----------
@@ -30,8 +30,13 @@ def scores(frames: Iterable[Frames], metrics: Mapping[str, FrameMetric[Any]]) ->
     MetricError
         A pair of frames is not what a metric takes.
     """
-    records = list(_records(frames, metrics))
-    return {name: pooled(metric, [record[name] for record in records]) for name, metric in metrics.items()}
+    return list(_records(frames, metrics))
+
+
+def scores(frames: Iterable[Frames], metrics: Mapping[str, FrameMetric[Any]]) -> dict[str, Score]:
+    """Every metric of two videos, with its interval; see `records`."""
+    read = records(frames, metrics)
+    return {name: pooled(metric, [record[name] for record in read]) for name, metric in metrics.items()}
 
 
 def _records(frames: Iterable[Frames], metrics: Mapping[str, FrameMetric[Any]]) -> Iterator[dict[str, Any]]:

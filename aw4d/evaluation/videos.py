@@ -38,6 +38,8 @@ class Video:
         Frames a second; None where nothing says so.
     frames
         Frames of an ascending range, in order: pictures, (H, W, 3) sRGB uint8, or depths, (H, W) float32.
+    names
+        What the frames' files are called, without suffix; None where they are not files of their own.
     """
 
     path: Path
@@ -46,6 +48,7 @@ class Video:
     width: int
     fps: float | None
     frames: Callable[[range], Iterator[NDArray[Any]]]
+    names: tuple[str, ...] | None = None
 
     @property
     def name(self) -> str:
@@ -139,12 +142,19 @@ def _file(path: Path) -> Video:
 def _edited_size(path: Path, picture: NDArray[np.uint8]) -> tuple[int, int]:
     """Height and width of what was edited: the file of an edit has odd sides continued, and its sidecar tells them."""
     height, width = picture.shape[:2]
-    with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
-        sidecar = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
-        edited_width, edited_height = sidecar["size"]
+    with contextlib.suppress(KeyError, TypeError, ValueError):
+        edited_width, edited_height = sidecar_of(path)["size"]
         if (height - edited_height, width - edited_width) == (edited_height % 2, edited_width % 2):
             return edited_height, edited_width
     return height, width
+
+
+def sidecar_of(path: Path) -> dict[str, Any]:
+    """What made an edit, as the file beside it tells; empty where there is none."""
+    with contextlib.suppress(OSError, ValueError):
+        content = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
+        return content if isinstance(content, dict) else {}
+    return {}
 
 
 def _folder(folder: Path) -> Video:
@@ -157,7 +167,8 @@ def _folder(folder: Path) -> Video:
         for index in wanted:
             yield check_size(folder, index, read_rgb(files[index]), height, width)
 
-    return Video(path=folder, count=len(files), height=height, width=width, fps=None, frames=frames)
+    names = tuple(file.stem for file in files)
+    return Video(path=folder, count=len(files), height=height, width=width, fps=None, frames=frames, names=names)
 
 
 def _clip(path: Path) -> Video:

@@ -37,7 +37,7 @@ def read_text(path: Path) -> str:
         The file is not there, cannot be read, is empty, or is no text.
     """
     try:
-        return read_bytes(path).decode()
+        return read_bytes(path).decode("utf-8-sig")  # spreadsheets put a mark before the text
     except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected a text file, got bytes that are not UTF-8") from error
 

@@ -9,7 +9,7 @@ from decimal import Decimal
 from aw4d.reproduce import counts, formulas, statements, user_study
 from aw4d.reproduce.check import Check
 from aw4d.reproduce.paper import NOT_PRINTED, OURS, Column, Figure, Paper, Printed, Table, paper
-from aw4d.reproduce.results import Record, measured
+from aw4d.reproduce.results import Record, measured, not_used
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,11 +60,12 @@ class FilledFigure:
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """All tables, all numbers of the text, and the paper's own arithmetic."""
+    """All tables, all numbers of the text, the paper's own arithmetic, and which results belong to none of them."""
 
     tables: tuple[FilledTable, ...]
     figures: tuple[FilledFigure, ...]
     checks: tuple[Check, ...]
+    not_used: tuple[str, ...]
 
 
 def tables(results: Sequence[Record] = ()) -> Report:
@@ -85,6 +86,7 @@ def tables(results: Sequence[Record] = ()) -> Report:
         tables=tuple(_table(table, results) for table in printed.tables.values()),
         figures=tuple(_figure(figure, results) for figure in printed.figures.values()),
         checks=tuple(contradictions(printed)),
+        not_used=tuple(not_used(results, printed)),
     )
 
 

@@ -9,18 +9,21 @@ from pathlib import Path
 from typing import Any
 
 from aw4d.errors import InputError
-from aw4d.reproduce.paper import OURS
+from aw4d.reproduce.paper import OURS, Paper
 
-Record = Mapping[str, Any]  # metric, convention, figure, value (None: undefined, with a reason), method, other labels
+# metric, convention, figure, value (None: undefined, with a reason), method, other labels, file
+Record = Mapping[str, Any]
 
 KEYS = ("metric", "convention", "value")
 UNNAMED = {"figure": "value", "method": OURS}
+LABELS = ("method", "set", "stage", "strength")  # that tell figures of one metric apart
 
 
 def read_results(paths: Iterable[Path]) -> list[Record]:
-    """One record a number: of each result its `value`, and the means over its videos of what else it has.
+    """One record a number: of each result its `value`, and what else it has, of all its videos or their mean.
 
-    What a file or a result's settings say besides (`method`, `set`, `stage`, `strength`) labels their numbers.
+    What a file or a result's settings say besides (`method`, `set`, `stage`, `strength`) labels their numbers. A result
+    that has no mean, as answers in forced choices, has a score a method, in place of videos: each is that method's.
 
     Raises
     ------
@@ -45,7 +48,7 @@ def _results(path: Path) -> list[Record]:
         if value is not None and (isinstance(value, bool) or not isinstance(value, int | float)):
             raise InputError(f"{path}: value of {result['metric']}: expected a number or null, got {value!r}")
     labels = {**UNNAMED, **{key: label for key, label in content.items() if isinstance(label, str)}}
-    return [{**labels, **result.get("settings", {}), **result} for result in content["results"]]
+    return [{**labels, **result.get("settings", {}), **result, "file": str(path)} for result in content["results"]]
 
 
 def _refuse(name: str) -> float:
@@ -53,13 +56,46 @@ def _refuse(name: str) -> float:
 
 
 def _numbers(result: Record) -> Iterator[Record]:
+    videos = result.get("videos", {})
+    if result.get("mean") is False:
+        for method, score in videos.items():
+            yield {**result, **score, "method": method}
+            yield from _figures({**result, "method": method}, [score])
+        return
     yield result
-    parts = [video.get("others", {}) for video in result.get("videos", {}).values()]
+    yield from _figures(result, [result] if result.get("others") else list(videos.values()))
+
+
+def _figures(result: Record, scores: Sequence[Mapping[str, Any]]) -> Iterator[Record]:
+    """What scores have besides their values: its mean, where every one of them has it."""
+    parts = [score.get("others", {}) for score in scores]
     for name in dict.fromkeys(name for part in parts for name in part):
         values = [part.get(name) for part in parts]
         known = [float(value) for value in values if value is not None]
         mean = math.fsum(known) / len(known) if len(known) == len(values) else None
         yield {**result, "figure": name, "value": mean, "reason": f"no {name} of every video"}
+
+
+def not_used(records: Sequence[Record], paper: Paper) -> list[str]:
+    """Labels of records that no figure of the paper has, by file and name: their numbers are in no table."""
+    known = _known(paper)
+    strangers = (
+        f"{record['file']}: {label} {str(record[label])!r} is in no table"
+        for record in records
+        for label in LABELS
+        if label in record and str(record[label]) not in known[label]
+    )
+    return list(dict.fromkeys(strangers))
+
+
+def _known(paper: Paper) -> dict[str, set[str]]:
+    """The labels that figures of the paper have."""
+    measured_in = [table for table in paper.tables.values() if any(column.match for column in table.columns)]
+    matches = [column.match for table in measured_in for column in table.columns]
+    matches += [figure.match for figure in paper.figures.values()]
+    known = {label: {match[label] for match in matches if label in match} for label in LABELS}
+    known["method"] |= {OURS, *(row for table in measured_in for row in table.rows)}
+    return known
 
 
 def measured(records: Sequence[Record], match: Mapping[str, str], method: str) -> tuple[float | None, str]:

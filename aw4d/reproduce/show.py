@@ -52,6 +52,8 @@ def show(report: Report, console: Console) -> None:
         _show_table(table, console)
     _show_figures(report.figures, console)
     _show_checks(report.checks, console)
+    for line in report.not_used:
+        console.print(f"[yellow]not used:[/] {escape(line)}", highlight=False)
 
 
 def _show_table(table: FilledTable, console: Console) -> None:

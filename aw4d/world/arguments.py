@@ -51,9 +51,14 @@ def world_arguments(info: ClipInfo, settings: Settings, passes: Collection[str],
         Names of the passes that will run.
     index
         Number of the frame.
+
+    Returns
+    -------
+    dict
+        Values by argument name; `PASS.ARGUMENT` where they are of one pass alone.
     """
     out = anchor(info.camera(index), float(info.times[index]), info.world_origin) | _haze(settings, passes)
     for name in passes:
         if name in PREPARED:
-            out |= PREPARED[name](info, settings, index)
+            out |= {f"{name}.{key}": value for key, value in PREPARED[name](info, settings, index).items()}
     return out

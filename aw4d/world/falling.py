@@ -22,7 +22,8 @@ from scipy.special import ndtri
 from aw4d.clip import ClipInfo
 from aw4d.params import RainStreaksParams, SnowFallParams
 from aw4d.world.sizes import Sizes, drop_speed, rain_sizes, snow_sizes
-from reference_numpy.particles import CLASSES, KEYS, UNITS
+from reference_numpy.blending import KEYS
+from reference_numpy.capsules import CLASSES, UNITS
 
 Array = NDArray[np.float64]
 
@@ -31,6 +32,8 @@ PAPER_DROPS_MM = (0.5, 6.0)
 PAPER_TAPER = 0.7  # of a streak's head over its tail
 PAPER_SNOW_SPEED = 2.0  # [m/s]
 PAPER_LENGTH = 0.8  # of the frame interval
+DROP_LOBE = 5 / 7  # roughness of the blur in which surroundings are seen: a drop gathers half of them, most from ahead
+FLAKE_LOBE = 1.0
 FLUTTERS = (0.6, 1.4)  # [1/s] how often flakes sway; of the order of Kajikawa 1992
 GOLDEN = (0.6180339887498949, 0.7548776662466927, 0.5698402909980532, 0.8191725133961645, 0.6710436067037893)
 # Fractions of multiples of these fill the unit interval evenly, and together the unit square (Roberts 2018).
@@ -171,7 +174,6 @@ class Fall:
 
 
 def particle_arguments(
-    prefix: str,
     info: ClipInfo,
     index: int,
     held: Classes,
@@ -185,8 +187,6 @@ def particle_arguments(
 
     Parameters
     ----------
-    prefix
-        Of the names.
     info, index
         Clip and frame.
     held, fall
@@ -201,10 +201,12 @@ def particle_arguments(
     Returns
     -------
     dict
-        `count`; `at` (CLASSES, 4) uint32, added to a hash it is the place in the box; `corner` (3,) int32 the lower
-        corner of the box as seen from the eye; `axes` (9,) float32 from places in the box to the camera's frame [m a
-        unit]; `move` (CLASSES, 8) float32: half of the way over `open_s` in the camera's frame, diameter [m], both in
-        the scale of the longest reach, then `scale`; `steps` of depth a metre by which particles are put in order.
+        `particle_count`; and, their names beginning with `particle_` too: `at` (3, CLASSES) uint32, added to a hash it
+        is the place in the box; `corner` (3,) int32 the lower corner of the box as seen from the eye; `axes` (9,)
+        float32 from places in the box to the camera's frame [m a unit]; `move` (CLASSES, 8) float32: half of the way
+        over `open_s` in the camera's frame, diameter [m], both in the scale of the longest reach, then `scale`;
+        `bounds` (3,) float32: the longest half of a way and the largest diameter in that scale [m], the smallest
+        `scale`; `steps` of depth a metre by which particles are put in order.
     """
     camera = info.camera(index)
     R, place = camera.camera_to_world[:3, :3], camera.camera_to_world[:3, 3] + np.asarray(info.world_origin)
@@ -217,13 +219,15 @@ def particle_arguments(
     move[:, :3] = relative * (open_s / 2) / held.scale[:, None]
     move[:, 3] = held.diameter / held.scale
     move[:, 4] = held.scale
+    bounds = np.array([np.linalg.norm(move[:, :3], axis=1).max(), move[:, 3].max(), held.scale.min()])
     return {
-        f"{prefix}_count": held.count,
-        f"{prefix}_at": np.pad(at % UNITS, ((0, 0), (0, 1))).astype(np.uint32),
-        f"{prefix}_corner": corner.astype(np.int32),
-        f"{prefix}_axes": (R.T * (sides / UNITS)).astype(np.float32).ravel(),
-        f"{prefix}_move": move.astype(np.float32),
-        f"{prefix}_steps": np.float32(KEYS / reach_m),
+        "particle_count": held.count,
+        "particle_at": (at % UNITS).T.astype(np.uint32),
+        "particle_corner": corner.astype(np.int32),
+        "particle_axes": (R.T * (sides / UNITS)).astype(np.float32).ravel(),
+        "particle_move": move.astype(np.float32),
+        "particle_bounds": bounds.astype(np.float32),
+        "particle_steps": np.float32(KEYS / reach_m),
     }
 
 
@@ -246,8 +250,8 @@ def rain_arguments(p: RainStreaksParams, info: ClipInfo, index: int) -> dict[str
     none = np.zeros((CLASSES, 3))
     fall = Fall(velocity=steady, off=none, rate=none)
     open_s = PAPER_LENGTH / info.fps if paper else p.exposure_s
-    out = particle_arguments("rain", info, index, held, fall, p.reach_m, open_s, sides, middle)
-    return out | {"rain_taper": 1 / PAPER_TAPER if paper else 1.0}
+    out = particle_arguments(info, index, held, fall, p.reach_m, open_s, sides, middle)
+    return out | {"particle_taper": 1 / PAPER_TAPER if paper else 1.0, "particle_lobe": DROP_LOBE}
 
 
 @lru_cache(maxsize=4)
@@ -269,4 +273,5 @@ def snow_arguments(p: SnowFallParams, info: ClipInfo, index: int) -> dict[str, A
     steady = np.asarray(p.wind_m_s) - held.speed[:, None] * (0.0, 1.0, 0.0) + _gusts(p.gust_m_s)
     off, rate = _flutter(p.flutter_m, float(info.times[index]))
     fall = Fall(velocity=steady, off=off, rate=rate)
-    return particle_arguments("snow", info, index, held, fall, p.reach_m, p.exposure_s, sides, middle)
+    out = particle_arguments(info, index, held, fall, p.reach_m, p.exposure_s, sides, middle)
+    return out | {"particle_taper": 1.0, "particle_lobe": FLAKE_LOBE}

@@ -8,6 +8,7 @@
  * the part with F0, which is long at a slant; the last for the other. */
 #define LOBES 4
 #define LOBES_F0 3
+#define FADING 0.02f
 
 /* Where a bilinear lookup reads: the first of its four texels, and the weights of the right and the lower ones. */
 typedef struct {
@@ -114,9 +115,12 @@ static inline Quad reflection(
     return out;
 }
 
-/* Share of the specular lobe that is not occluded. Lagarde and de Rousiers 2014. */
+/* Share of the specular lobe that is not occluded: Lagarde and de Rousiers 2014 above 0, where theirs ends fading out. */
 static inline floatw specular_occlusion(const floatw NoV, const floatw occlusion, const floatw roughness)
 {
-    return clamp(exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion, 0.0f, 1.0f);
+    const floatw open = exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion;
+    const floatw root = sqrt(fma(open, open, (floatw)(FADING * FADING)));
+    const floatw faded = 0.5f * SELECTW(open > 0.0f, open + root, FADING * FADING / (root - open));
+    return fmin(faded, fmin(4.0f * occlusion, 1.0f));
 }
 #endif

@@ -19,7 +19,8 @@ static inline Quad gather(__global const float *restrict p, const int i)
 #else
 #define TOINTW(x) JOIN(convert_int, W)(x)
 /* Loads of four lanes, turned into four vectors of four. The arrays never leave the registers; vectors put together from
- * shorter ones compile to the same, but make Oclgrind 21.10 crash when it looks for values that were never set. */
+ * shorter ones compile to the same, but make Oclgrind 21.10 crash when it looks for values that were never set; and it
+ * takes the last of 16 for unset in a swizzle, so the fourths are named one by one. */
 static inline Quad gather(__global const float *restrict p, const intw i)
 {
     int at[W];
@@ -32,7 +33,7 @@ static inline Quad gather(__global const float *restrict p, const intw i)
         vstore4(q.s048c, k, x);
         vstore4(q.s159d, k, y);
         vstore4(q.s26ae, k, z);
-        vstore4(q.s37bf, k, w);
+        vstore4((float4)(q.s3, q.s7, q.sb, q.sf), k, w);
     }
     const Quad out = {JOIN(vload, W)(0, x), JOIN(vload, W)(0, y), JOIN(vload, W)(0, z), JOIN(vload, W)(0, w)};
     return out;

@@ -130,8 +130,8 @@ static inline floatw sun_shadow(
         const floatw wu = fraction(su, fma((floatw)tau, s.a.hi, -su) + tau * s.a.lo, &fu);
         const floatw wv = fraction(sv, fma((floatw)tau, s.b.hi, -sv) + tau * s.b.lo, &fv);
         /* rounding may leave a sample a hair's breadth beyond the border */
-        const intw x = clamp(u_first + TOINTW(SELECTW(alive, fu, 0.0f)), 0, width);
-        const intw y = clamp(v_first + TOINTW(SELECTW(alive, fv, 0.0f)), 0, height);
+        const intw x = clamp(u_first + TOINTW(SELECTW(alive, fu, 0.0f)), (intw)(0), (intw)(width));
+        const intw y = clamp(v_first + TOINTW(SELECTW(alive, fv, 0.0f)), (intw)(0), (intw)(height));
         const Quad z = gather(quads, y * (pitch + 1) + x);
         /* Where even the nearest of the four lies behind the ray, whatever its slant, nothing blocks. */
         const floatw nearest = fmin(fmin(z.x, z.y), fmin(z.z, z.w));

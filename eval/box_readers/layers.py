@@ -18,10 +18,7 @@ KEYS = "a box with track_id, category, object_to_world (4, 4) and size (length, 
 
 def read_layers(path: Path, camera_to_world: Mapping[str, ArrayLike]) -> Boxes:
     """Boxes of a `boxes.json`; see `boxes_of_layers`."""
-    frames = read_json(path)
-    if not isinstance(frames, dict):
-        raise MetricError(f"{path}: expected an object of lists of boxes by frame, got {type(frames).__name__}")
-    return boxes_of_layers(frames, camera_to_world, path)
+    return boxes_of_layers(read_json(path), camera_to_world, path)
 
 
 def boxes_of_layers(
@@ -44,6 +41,8 @@ def boxes_of_layers(
     MetricError
         A box is not what is expected, or a frame has no pose.
     """
+    if not isinstance(frames, Mapping):
+        raise MetricError(f"{source}: expected an object of lists of boxes by frame, got {type(frames).__name__}")
     boxes = []
     for frame, found in frames.items():
         name = frame_name(frame)

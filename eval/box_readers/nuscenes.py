@@ -41,17 +41,21 @@ def read_nuscenes(path: Path, camera_to_world: Mapping[str, ArrayLike] | None = 
     MetricError
         The file or an entry is not what is expected, or a sample has no pose.
     """
-    results = read_json(path)
+    return boxes_of_nuscenes(read_json(path), camera_to_world, path)
+
+
+def boxes_of_nuscenes(results: Any, camera_to_world: Mapping[str, ArrayLike] | None, source: Path) -> Boxes:
+    """Boxes of what a results file holds; see `read_nuscenes`. `source` is named in errors."""
     if not isinstance(results, dict) or not isinstance(results.get("results"), dict):
-        raise MetricError(f'{path}: expected an object with "results", lists of boxes by sample')
+        raise MetricError(f'{source}: expected an object with "results", lists of boxes by sample')
     boxes = []
     for sample, found in results["results"].items():
         frame = frame_name(sample)
-        with entry(path, f"sample {sample}", "a list of boxes"):
+        with entry(source, f"sample {sample}", "a list of boxes"):
             to_camera = np.eye(4) if camera_to_world is None else inverse_pose(camera_to_world, frame)
             items = list(enumerate(found))
         for number, item in items:
-            with entry(path, f"sample {sample}, box {number}", KEYS):
+            with entry(source, f"sample {sample}, box {number}", KEYS):
                 boxes.append((frame, _box(item, to_camera)))
     return by_frame(boxes)
 

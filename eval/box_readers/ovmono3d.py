@@ -32,12 +32,16 @@ def read_ovmono3d(path: Path, names: Mapping[int, str] | None = None) -> Boxes:
     MetricError
         The file or an entry is not what is expected.
     """
-    results = read_json(path)
+    return boxes_of_ovmono3d(read_json(path), names, path)
+
+
+def boxes_of_ovmono3d(results: Any, names: Mapping[int, str] | None, source: Path) -> Boxes:
+    """Boxes of what a results file holds; see `read_ovmono3d`. `source` is named in errors."""
     if not isinstance(results, list):
-        raise MetricError(f"{path}: expected a list of detections, got {type(results).__name__}")
+        raise MetricError(f"{source}: expected a list of detections, got {type(results).__name__}")
     boxes = []
     for number, result in enumerate(results):
-        with entry(path, f"entry {number}", KEYS):
+        with entry(source, f"entry {number}", KEYS):
             boxes.append((frame_name(result["image_id"]), _box(result, names)))
     return by_frame(boxes)
 

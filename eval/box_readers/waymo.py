@@ -41,17 +41,22 @@ def read_waymo(path: Path, extrinsic: ArrayLike) -> Boxes:
     MetricError
         The file or an entry is not what is expected.
     """
+    return boxes_of_waymo(read_json(path), extrinsic, path)
+
+
+def boxes_of_waymo(frames: Any, extrinsic: ArrayLike, source: Path) -> Boxes:
+    """Boxes of what a file of frames holds; see `read_waymo`. `source` is named in errors."""
     to_camera = _OPENCV_FROM_WAYMO @ inverse(extrinsic)
-    frames = _snake(read_json(path))
+    frames = _snake(frames)
     if not isinstance(frames, list):
-        raise MetricError(f"{path}: expected a list of frames, got {type(frames).__name__}")
+        raise MetricError(f"{source}: expected a list of frames, got {type(frames).__name__}")
     boxes = []
     for number, frame in enumerate(frames):
-        with entry(path, f"frame {number}", "an object with frame or timestamp_micros, and laser_labels"):
+        with entry(source, f"frame {number}", "an object with frame or timestamp_micros, and laser_labels"):
             name = frame_name(frame["frame"] if "frame" in frame else frame["timestamp_micros"])
             labels = list(enumerate(frame["laser_labels"]))
         for place, label in labels:
-            with entry(path, f"frame {number}, label {place}", KEYS):
+            with entry(source, f"frame {number}, label {place}", KEYS):
                 boxes.append((name, _box(label, to_camera)))
     return by_frame(boxes)
 

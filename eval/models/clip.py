@@ -32,7 +32,7 @@ class Clip:
     What the weights belong to is told by the file itself (an archive of OpenAI's), by `open_clip_config.json` in its
     folder, or by `model`. The activation is part of that, and no checkpoint of plain weights says which it was trained
     with: OpenAI's weights, and those grown from them, need a model whose name ends in `-quickgelu`. The wrong one
-    gives wrong numbers without an error; `activation` says which is used.
+    gives wrong numbers without an error; `activation` says which is used, `description` and `identity` have it.
 
     Parameters
     ----------
@@ -51,7 +51,6 @@ class Clip:
         self._torch: Any = weights.module("torch")
         self._open_clip: Any = weights.module("open_clip")
         self.path = weights.found(path, WHENCE)
-        self.sha256 = hashes.of_file(path)
         self.device = weights.device()
         if _is_archive(path):
             self._of_archive(model)
@@ -61,11 +60,22 @@ class Clip:
         self.context: int = self._tokenizer.context_length
         kinds = {type(layer).__name__ for layer in self._net.modules()}
         self.activation = "QuickGELU" if "QuickGELU" in kinds else "GELU"
+        self.sha256 = hashes.of_file(path)
+
+    @property
+    def description(self) -> dict[str, str]:
+        """All that decides the numbers: the file of weights and its SHA-256, the model, the activation."""
+        return {"file": self.path.name, "sha256": self.sha256, "model": self.model, "activation": self.activation}
+
+    @property
+    def identity(self) -> str:
+        """One hash of the same, wherever the files are and whatever they are called: for the keys of caches."""
+        return hashes.of_settings({key: value for key, value in self.description.items() if key != "file"})
 
     def _of_archive(self, model: str | None) -> None:
         if model is not None:
             raise MetricError(f"weights {self.path}: an archive of OpenAI's says its model itself, got {model}")
-        self.model = f"OpenAI archive {self.path.name}"
+        self.model = "OpenAI archive"
         try:
             self._net = self._open_clip.load_openai_model(str(self.path), precision="fp32", device="cpu")
         except Exception as error:  # open_clip, torch and safetensors have no error in common
@@ -75,13 +85,13 @@ class Clip:
     def _of_config(self, model: str | None) -> None:
         known = model or self._beside()
         self._refuse_what_is_fetched(known)
-        self.model = model or f"{CONFIG} of {self.path.parent}"
+        self.model = model or f"{CONFIG} {hashes.of_file(self.path.parent / CONFIG)}"
         try:
             with _without_warnings():  # of the random weights that the next line replaces
                 self._net = self._open_clip.create_model(known, load_weights=False, pretrained_text=False)
             self._open_clip.load_checkpoint(self._net, str(self.path))
         except Exception as error:  # open_clip, torch and safetensors have no error in common
-            raise MetricError(f"weights {self.path}: they do not fit {self.model}: {_first(error)}") from error
+            raise MetricError(f"weights {self.path}: they do not fit {model or CONFIG}: {_first(error)}") from error
         self._tokenizer = self._open_clip.get_tokenizer(known)
 
     def _beside(self) -> str:

@@ -45,6 +45,16 @@ class I3D:
         except RuntimeError as error:
             raise MetricError(f"weights {path}: expected TorchScript, got a file that is none. {WHENCE}") from error
 
+    @property
+    def description(self) -> dict[str, str]:
+        """All that decides the numbers: the file, which holds the network too, and its SHA-256."""
+        return {"file": self.path.name, "sha256": self.sha256}
+
+    @property
+    def identity(self) -> str:
+        """One hash of the same, wherever the file is and whatever it is called: for the keys of caches."""
+        return self.sha256
+
     def features(self, clips: Iterable[NDArray[np.uint8]], batch: int = 1) -> NDArray[np.float32]:
         """Features of clips (T, H, W, 3) of RGB codes, (N, 400); clips of one batch have one shape.
 

@@ -1,5 +1,8 @@
 """Time of every pass of some weathers on a frame of a clip, on every OpenCL device, and of more and more particles.
 
+For `reflections` also its share of what the device can do: of the time that looking up its depths takes alone, and of
+the multiply-adds that the device does a second.
+
 Run as `python -m tests.bench.weathers CLIP [FRAME [WEATHER ...]]`; `aw4d demo` makes a clip of 1280x704. Medians of
 repeated runs in one process, after a warm-up.
 """
@@ -15,11 +18,17 @@ import numpy as np
 from aw4d import opencl
 from aw4d.backend_opencl import OpenCLBackend, OpenCLPlanes
 from aw4d.clip import Clip
+from aw4d.params import ReflectionsParams
 from aw4d.pipeline import Plan, plan, prepare
+from tests.bench import walk_rate
+from tests.bench.fog import fma_rate
 
 RUNS = 15
 WEATHERS = ("snow", "rain", "rain+night", "snow+fog")
 PARTICLES = (10_000, 100_000, 1_000_000)
+# Arithmetic of a step in reference_numpy/reflections.py, a multiply-add counted as two, a division as one; clamps,
+# selects and comparisons are not counted: its place and, twice, heights, widths, the lobe's share and its ramps.
+STEP_OPS = 12 + 2 * 52
 LIGHT = {"ambient", "overcast_sky", "night_grade", "spot_lights", "harmonize"}
 
 
@@ -39,6 +48,31 @@ def pass_times(backend: OpenCLBackend, clip: Clip, made: Plan, index: int) -> di
     return {name: float(np.median(seconds[1:])) for name, seconds in seen.items()}
 
 
+def _reflections_share(backend: OpenCLBackend, clip: Clip, made: Plan, index: int, took_s: float) -> None:
+    """Print what all steps of all mirroring pixels would take at the device's limits, in shares of the time taken.
+
+    The kernel need not do all that: a ray's steps end where things cover its lobe, and of the ground it needs but
+    heights. Finer steps, light and surroundings come on top.
+    """
+    frame = prepare(clip.frame(index, made.planes), made, index)
+    scene = made.scene(index)
+    planes = backend.upload(frame, scene)
+    for step in made.steps:
+        if isinstance(step.params, ReflectionsParams):
+            steps = step.params.steps
+            vectors = walk_rate.mirroring(backend, planes, frame.camera, scene.world["up"], step.params)
+            break
+        backend.run(step.name, planes, step.params)
+    looking_s = walk_rate.seconds(backend, frame.camera.shape, vectors, steps)
+    arithmetic_s = len(vectors) * backend.width * steps * STEP_OPS / fma_rate(backend)
+    print(
+        f"    reflections: {len(vectors)} vectors of {steps} steps; their depths alone {looking_s * 1e3:.2f} ms, "
+        f"{looking_s / took_s:.0%} of the time taken; their arithmetic at full rate {arithmetic_s * 1e3:.2f} ms, "
+        f"{arithmetic_s / took_s:.0%}",
+        flush=True,
+    )
+
+
 def _report(backend: OpenCLBackend, clip: Clip, weather: str, index: int) -> None:
     made = plan(clip, weather)
     took = pass_times(backend, clip, made, index)
@@ -49,6 +83,8 @@ def _report(backend: OpenCLBackend, clip: Clip, weather: str, index: int) -> Non
         f"{sum(took.values()) * 1e3:.1f} ms: {each}",
         flush=True,
     )
+    if "reflections" in took:
+        _reflections_share(backend, clip, made, index, took["reflections"])
 
 
 def _particles(backend: OpenCLBackend, clip: Clip, index: int) -> None:
