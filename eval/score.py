@@ -15,6 +15,7 @@ from eval.values import Undefined, Value, mean, percentiles
 Record = TypeVar("Record")
 Kept = TypeVar("Kept", contravariant=True)
 RESAMPLES = 500  # of a video's frames: each is pooled anew
+TOGETHER = 50  # of these: all at once they would take memory that grows with the video
 NO_VALUE = mean([])
 
 
@@ -63,14 +64,19 @@ class FrameMetric(Additive[Record], Protocol[Record]):
 def pooled(metric: Additive[Record], records: Sequence[Record], *, seed: int = 0) -> Score:
     """The metric of a video with its interval, from pooling its frames drawn anew with replacement. Efron 1979.
 
-    A frame that is drawn n times counts n times in the sums, so that a draw costs no more than a matrix product.
+    A frame that is drawn n times counts n times in the sums: a draw costs no more than a product of matrices.
     """
     score = metric.pool(records)
     if len(records) < 2 or isinstance(score.value, Undefined) or not math.isfinite(score.value):
         return score
-    picks = np.random.default_rng(seed).integers(0, len(records), (RESAMPLES, len(records)))
-    times = np.stack([np.bincount(pick, minlength=len(records)) for pick in picks]).astype(np.float64)
-    return replace(score, interval=percentiles([metric.of_sums(sums) for sums in times @ metric.summands(records)]))
+    rng, summands = np.random.default_rng(seed), metric.summands(records)
+    times = np.empty((TOGETHER, len(records)))
+    values: list[Value] = []
+    for _ in range(0, RESAMPLES, TOGETHER):
+        for row in times:
+            row[:] = np.bincount(rng.integers(0, len(row), len(row)), minlength=len(row))
+        values += [metric.of_sums(sums) for sums in times @ summands]
+    return replace(score, interval=percentiles(values))
 
 
 def summands_of_mean(values: Sequence[Value]) -> NDArray[np.float64]:

@@ -103,8 +103,13 @@ def class_iou(counts: Counts) -> list[Value]:
     >>> class_iou(np.array([[3, 1, 0], [2, 4, 0], [0, 0, 0]]))
     [0.5, 0.5714285714285714, Undefined(reason='class is absent')]
     """
+    return _shares(*_hits_and_unions(counts))
+
+
+def _hits_and_unions(counts: Counts) -> tuple[Counts, Counts]:
+    """Pixels of each class that are right, and that are of it on either side."""
     hits = np.diag(counts)
-    return _shares(hits, counts.sum(axis=0) + counts.sum(axis=1) - hits)
+    return hits, counts.sum(axis=0) + counts.sum(axis=1) - hits
 
 
 def class_accuracy(counts: Counts) -> list[Value]:
@@ -179,12 +184,12 @@ class Segmentation:
         )
 
     def summands(self, records: Sequence[Picture]) -> NDArray[np.float64]:
-        """Confusions, each in a row."""
-        return np.array([record.counts.ravel() for record in records], dtype=np.float64)
+        """Pixels of each class that are right, then those that are of it on either side."""
+        return np.array([np.concatenate(_hits_and_unions(record.counts)) for record in records], dtype=np.float64)
 
     def of_sums(self, sums: NDArray[np.float64]) -> Value:
         """mIoU of the summed confusion."""
-        return _mean(class_iou(sums.astype(np.int64).reshape(len(self.classes), len(self.classes))))
+        return _mean(_shares(*sums.astype(np.int64).reshape(2, len(self.classes))))
 
 
 def _mean(values: Sequence[Value]) -> Value:

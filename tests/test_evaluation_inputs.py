@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from aw4d.colour import decode_srgb8
 from aw4d.errors import InputError
 from aw4d.evaluation.depths import open_depth
 from aw4d.evaluation.pairs import Selection, depth_pairs, video_pairs
-from aw4d.evaluation.stream import WORKERS, scores
+from aw4d.evaluation.stream import WORKERS, records, scores
 from aw4d.evaluation.videos import Video, open_video
 from aw4d.gbuffer import GBuffer
 from aw4d.io.images import write_exr, write_png
@@ -25,7 +25,7 @@ from aw4d.output import sidecar_path
 from eval.edge_f1 import EdgeF1
 from eval.errors import MetricError
 from eval.psnr import Psnr
-from eval.score import Score, score
+from eval.score import score
 from eval.si_rmse import SiRmse
 from eval.ssim import Ssim
 from eval.values import Undefined, undefined
@@ -398,15 +398,12 @@ def test_frames_are_drawn_no_faster_than_they_are_used() -> None:
             used.append(float(ref[0, 0]))
             return used[-1]
 
-        def pool(self, records: Sequence[float]) -> Score:
-            return Score(value=0.0, frames=tuple(records))
-
     def frames() -> Iterator[tuple[np.ndarray, np.ndarray]]:
         for index in range(50):
             waiting.append(index - len(used))
             yield np.full((4, 4), index), np.zeros((4, 4))
 
-    assert scores(frames(), {"mark": Mark()})["mark"].frames == tuple(range(50))
+    assert [record["mark"] for record in records(frames(), {"mark": Mark()})] == list(range(50))
     assert max(waiting) <= 2 * WORKERS
 
 
