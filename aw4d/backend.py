@@ -12,8 +12,6 @@ from aw4d.gbuffer import GBuffer
 from aw4d.params import Params
 from aw4d.scene import Scene
 
-CENTRE_PX = 2.0**-12  # to which the principal point is rounded
-
 
 class Planes(Protocol):
     """One frame's planes where the backend works on them; valid until the backend's next upload."""
@@ -45,10 +43,7 @@ class Backend(Protocol):
 
 def frame_arguments(frame: GBuffer, scene: Scene) -> dict[str, Any]:
     """Camera and lights by the names that passes take, rounded to float32 once for every backend alike."""
-    K = frame.camera.K.copy()
-    # A crop by whole pixels is then the same camera to the last bit: u - cx of its pixels loses nothing.
-    K[:2, 2] = np.rint(K[:2, 2] / CENTRE_PX) * CENTRE_PX
-    K = K.astype(np.float32)
+    K = frame.camera.K.astype(np.float32)
     camera = {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2]}
     return camera | scene.arguments()
 

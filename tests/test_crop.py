@@ -27,10 +27,10 @@ CROPS = [(0, 0, 128, 72), (7, 5, 93, 61), (33, 38, 61, 34), (1, 40, 127, 1)]
 
 @pytest.fixture(scope="module")
 def street(tmp_path_factory: pytest.TempPathFactory) -> Clip:
-    """Two small frames of the street, seen by a camera whose principal point is no round number."""
+    """Two small frames of the street; u - cx is a float32 in every crop: cx is a multiple of 2^-12 px."""
     out = tmp_path_factory.mktemp("street") / "street.clip"
     clip = ingest_street(out, frames=2, width=WIDTH, height=HEIGHT, workers=1)
-    clip.info.K[:, :2, 2] += (0.12345678, -0.087654321)
+    clip.info.K[:, :2, 2] += (505 / 4096, -359 / 4096)
     return clip
 
 
