@@ -119,7 +119,8 @@ def show(found: Findings, console: Console) -> None:
         console.print(_table(found.results))
     for result in found.results:
         for name, score in result.scores.items():
-            told = [f"{other} {number(value)}" for other, value in score.others.items()]
+            told = [number(score.value)] if isinstance(score.value, Undefined) else []
+            told += [f"{other} {number(value)}" for other, value in score.others.items()]
             if told:
                 console.print(f"{result.metric}, {name}: {'; '.join(told)}", style="dim", markup=False, soft_wrap=True)
     for name, lacks in found.skipped.items():
@@ -160,8 +161,9 @@ def _counts(frames: Sequence[Value]) -> tuple[str, str]:
 
 
 def _with_unit(value: Value, result: Result) -> str:
-    unit = "" if result.unit == "1" or isinstance(value, Undefined) else f" {result.unit}"
-    return number(value) + unit
+    if isinstance(value, Undefined):  # its reason stands below the table
+        return "undefined"
+    return number(value) + ("" if result.unit == "1" else f" {result.unit}")
 
 
 def _ends(ends: tuple[float, float] | None) -> str:
