@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.logging import RichHandler
 
+from aw4d.cli_bench import bench
 from aw4d.cli_eval import eval_
 from aw4d.console import bar, err_console, out_console, watched
 from aw4d.errors import InputError
@@ -31,6 +32,7 @@ app.add_typer(ingest_app, name="ingest")
 reproduce_app = typer.Typer(help="The paper's results.", no_args_is_help=True)
 app.add_typer(reproduce_app, name="reproduce")
 app.command("eval")(eval_)
+app.command("bench")(bench)
 
 ClipPath = Annotated[Path, typer.Argument(help="A clip made by `aw4d ingest`.")]
 OutClip = Annotated[Path, typer.Option("-o", "--out", help="The clip to write.")]
