@@ -1,4 +1,4 @@
-"""Hard cases as a report: the error of every pass on inputs at its limits, beside the bound that the problem implies."""
+"""Hard cases as a report: every pass on inputs at its limits, its error beside the bound that the problem implies."""
 
 from __future__ import annotations
 

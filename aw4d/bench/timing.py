@@ -40,10 +40,7 @@ def timing(took_s: list[float]) -> Timing:
     return Timing(median_ms=median, low_ms=low, high_ms=high, runs=len(took_s))
 
 
-def timed(
-    run: Callable[[], object], *, runs: int, prepare: Callable[[], object] = _nothing, warm: bool = True
-) -> Timing:
-    """Time a function that ends when its work is done; with `warm`, after a run that does not count."""
-    if warm:
-        seconds(run, 1, prepare)
+def timed(run: Callable[[], object], *, runs: int, prepare: Callable[[], object] = _nothing) -> Timing:
+    """Time a function that ends when its work is done, after a run that does not count."""
+    seconds(run, 1, prepare)
     return timing(seconds(run, runs, prepare))
