@@ -161,10 +161,14 @@ def falling(name: str) -> None:
 def one_tile(count: str) -> None:
     """So many drops in one tile, all but those right at the lens; a wall behind the nearest twentieth.
 
-    Of every drop that is drawn the simulator keeps 100 kB until the last one is.
+    Of every drop the simulator keeps some 15 kB until the last one is drawn. The rain is so heavy, and seen so far,
+    that there are as many drops as may be.
     """
     backend = OpenCLBackend(simulator().index, 16)
-    info, p = falling_inputs.clip(16, 2), RainStreaksParams(drops=int(count), rate_mm_h=150.0, near_m=0.01)
+    info, p = (
+        falling_inputs.clip(16, 2),
+        RainStreaksParams(drops=int(count), rate_mm_h=300.0, near_m=0.01, reach_m=15.0),
+    )
     wall = {"depth": np.full((2, 16), 0.45, np.float32), "sky": np.zeros((2, 16), bool)}
     where = falling_inputs.in_one_tile(falling_inputs.scene(info, p), p)
     for name, values in falling_inputs.on(backend, falling_inputs.frame(info, **wall), where, p).items():

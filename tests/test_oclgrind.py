@@ -72,7 +72,7 @@ def test_falling(oclgrind: str, name: str) -> None:
 
 
 def test_drops_in_one_tile(oclgrind: str) -> None:
-    """A million take as long as docs/falling.md says."""
+    """A million take as long as docs/falling.md says: too long for every run."""
     assert _findings(oclgrind, "one_tile", "10000") == ""
 
 
