@@ -28,6 +28,9 @@ class Backend(Protocol):
     def name(self) -> str:
         """What runs, for people: backend, device, version."""
 
+    def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
+        """Start on what the passes need before they first run, where that takes time."""
+
     def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> Planes:
         """Take a frame, what lights it, and the names of the layers that will be asked for."""
 

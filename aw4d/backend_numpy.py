@@ -38,6 +38,9 @@ class NumpyBackend:
 
     name = f"numpy {np.__version__}, float64"
 
+    def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
+        """Nothing has to be built."""
+
     def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> NumpyPlanes:
         """Take a frame; every layer is kept in any case."""
         arguments = {name: _widen(value) for name, value in frame_arguments(frame, scene).items()}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import resources
@@ -16,6 +18,7 @@ from aw4d import opencl
 from aw4d.backend import Planes, check_names, frame_arguments, own_arguments
 from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
+from aw4d.kernels import Kernel, build
 from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
 from aw4d.passes import (
@@ -109,7 +112,8 @@ class OpenCLBackend:
         self.width = width if width is not None else self.report.width
         self._context = self._cl.Context([self.report.device])
         self._queue = self._cl.CommandQueue(self._context)
-        self._kernels: dict[tuple[str, bool], list[_Kernel]] = {}
+        self._kernels: dict[tuple[str, bool], Future[list[Kernel]]] = {}
+        self._builders = ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="build")
         self._pool: dict[str, Any] = {}
 
     @property
@@ -156,23 +160,27 @@ class OpenCLBackend:
         assert isinstance(planes, OpenCLPlanes)
         planes.buffers[name] = self._to_device(name, _planar(values, planes.pitch))
 
-    def _build(self, name: str, layers: bool) -> list[_Kernel]:
-        """The kernels of a pass in order, built once."""
+    def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
+        """Start to build the kernels of the passes, side by side."""
+        for name in names:
+            self._start(name, not PASSES[name].layers.keys().isdisjoint(layers))
+
+    def _start(self, name: str, layers: bool) -> Future[list[Kernel]]:
         key = (name, layers)
         if key not in self._kernels:
-            options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
-            options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}", f"-DPACK={PACK}"]
-            # Not pyopencl's own cache: a kernel out of a binary has lost its argument names on Intel's runtime.
-            # PoCL and the GPU drivers cache what they build by themselves.
-            try:
-                program = self._cl.Program(self._context, source(name))
-                program.build(options + ["-DLAYERS"] * layers, cache_dir=False)
-                built = [_Kernel(self._cl, self._cl.Kernel(program, stage.kernel)) for stage in stages(name)]
-                self._kernels[key] = built
-            except self._cl.Error as error:
-                reason = opencl.first_error(error)
-                raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
+            self._kernels[key] = self._builders.submit(self._build, name, layers)
         return self._kernels[key]
+
+    def _build(self, name: str, layers: bool) -> list[Kernel]:
+        """The kernels of a pass in order."""
+        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
+        options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}", f"-DPACK={PACK}"]
+        options += ["-DLAYERS"] * layers
+        try:
+            return build(self._context, self.report, source(name), options, [stage.kernel for stage in stages(name)])
+        except self._cl.Error as error:
+            reason = opencl.first_error(error)
+            raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
 
     def run(self, name: str, planes: Planes, p: Params) -> None:
         """Enqueue the kernels of `cl/<name>.cl`; every argument is found by its name.
@@ -184,7 +192,7 @@ class OpenCLBackend:
         """
         assert isinstance(planes, OpenCLPlanes)
         wanted_layers = PASSES[name].layers if planes.layers & PASSES[name].layers.keys() else {}
-        kernels = self._build(name, bool(wanted_layers))
+        kernels = self._start(name, bool(wanted_layers)).result()
         new = {plane: WORKING[plane] for plane in PASSES[name].writes if plane not in planes.buffers}
         for plane, channels in (wanted_layers | new).items():
             planes.buffers[plane] = self._buffer(plane, 4 * channels * planes.plane)
@@ -262,33 +270,3 @@ def _planar(values: NDArray[Any], pitch: int) -> NDArray[Any]:
     planar = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
     padded = np.pad(planar, ((0, 0), (0, 0), (0, pitch - values.shape[1])), mode="edge")
     return padded.view(np.uint8) if padded.dtype == np.bool_ else padded
-
-
-class _Kernel:
-    """A built kernel and the types of its arguments by name."""
-
-    def __init__(self, cl: Any, kernel: Any) -> None:
-        self._cl = cl
-        self._kernel = kernel
-        info = cl.kernel_arg_info
-        self.types: dict[str, str] = {
-            kernel.get_arg_info(i, info.NAME): kernel.get_arg_info(i, info.TYPE_NAME).replace(" ", "")
-            for i in range(kernel.num_args)
-        }
-
-    def enqueue(
-        self, queue: Any, size: tuple[int, int], group: tuple[int, int] | None, at_hand: dict[str, Any]
-    ) -> None:
-        """Set every argument and enqueue over (columns, rows) of work-items, in groups of that size or the driver's."""
-        for i, (name, kind) in enumerate(self.types.items()):
-            self._kernel.set_arg(i, self._convert(name, kind, at_hand[name]))
-        self._cl.enqueue_nd_range_kernel(queue, self._kernel, size, group)
-
-    def _convert(self, name: str, kind: str, value: Any) -> Any:
-        if kind.endswith("*"):
-            return value
-        if kind == "float3":
-            return np.array([*value, 0], dtype=np.float32)
-        if kind in ("float", "int"):
-            return np.dtype(kind.replace("float", "float32").replace("int", "int32")).type(value)
-        raise TypeError(f"{name}: arguments of type {kind} are not bound")

@@ -48,7 +48,7 @@ class Box:
         if pose.shape != (4, 4) or not np.isfinite(pose).all():
             raise InputError(f"object_to_world: expected a finite (4, 4) matrix, got {pose.tolist()}")
         R = pose[:3, :3]
-        if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0:
+        if not (np.abs(R @ R.T - np.eye(3)) <= 1e-4).all() or np.linalg.det(R) < 0:
             raise InputError(f"object_to_world: expected a rigid transform, got rotation {R.tolist()}")
         size = tuple(float(s) for s in self.size)
         if len(size) != 3 or not np.isfinite(size).all() or min(size) < 0:

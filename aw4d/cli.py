@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import sys
+import time
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -210,6 +211,7 @@ def edit(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier edit wrote.")] = False,
 ) -> None:
     """Change the weather of a clip. A .json beside the output records what made it."""
+    from aw4d.age import process_age
     from aw4d.clip import Clip, indices
     from aw4d.output import check_target, write_edit
     from aw4d.pipeline import plan
@@ -230,6 +232,7 @@ def edit(
         kind=kind,
         layer_folder=layers,
         watch=lambda items: watched(items, weather, len(chosen)),
+        started=time.perf_counter() - process_age(),
     )
     print(out)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import hashlib
 import json
 import logging
 import shutil
@@ -267,6 +268,25 @@ class Clip:
             raise InputError(f"{self.path}: has no plane {', '.join(missing)} (it has: {', '.join(self.planes)})")
         values = {name: STORED[name].decode(self._chunk(name, index)) for name in wanted}
         return GBuffer(values, camera=self.info.camera(index), time=float(self.info.times[index]))
+
+    def stamp(self, names: Sequence[str]) -> str:
+        """Names the content of planes, and of "points", by the size and time of change of every file.
+
+        For keys of what follows from them.
+        """
+        places = [Path("zarr.json")]
+        for name in names:
+            end = ("0",) * (self._arrays[name].ndim - 1) if name in self._arrays else ()
+            places += [
+                Path(name, f"{index:06d}", "c", "0", "0") if name == "points" else Path(name, "c", str(index), *end)
+                for index in range(len(self))
+            ]
+        digest = hashlib.sha256(str(self.path.resolve()).encode())
+        for place in places:
+            with contextlib.suppress(OSError):  # what is not there belongs to the content, too
+                found = (self.path / place).stat()
+                digest.update(repr((str(place), found.st_size, found.st_mtime_ns)).encode())
+        return digest.hexdigest()
 
     def boxes(self, index: int) -> list[Box]:
         """3D boxes of a frame; empty where the recording has none."""

@@ -9,7 +9,7 @@ import sys
 import tempfile
 import warnings
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -77,7 +77,7 @@ def _import_pyopencl() -> ModuleType:
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceReport:
-    """One device and what a real build and run on it showed; `problem` is empty where it works."""
+    """One device; whether it works shows in a real build and run, when that is first asked."""
 
     index: int
     platform: str
@@ -86,8 +86,12 @@ class DeviceReport:
     version: str
     units: int
     width: int
-    problem: str
     device: Any
+
+    @cached_property
+    def problem(self) -> str:
+        """What went wrong in a build and run, in one line; empty where the device works."""
+        return _probe(self.device)
 
     @property
     def usable(self) -> bool:
@@ -153,7 +157,7 @@ def _kind(device: Any) -> str:
 
 @cache
 def devices() -> tuple[DeviceReport, ...]:
-    """Every device of every platform, probed; in the loader's order, which gives the indices of `--device`."""
+    """Every device of every platform in the loader's order, which gives the indices of `--device`."""
     cl = load()
     try:
         platforms = cl.get_platforms()
@@ -175,7 +179,6 @@ def devices() -> tuple[DeviceReport, ...]:
                     version=device.driver_version.strip(),
                     units=device.max_compute_units,
                     width=vector_width(device),
-                    problem=_probe(device),
                     device=device,
                 )
             )
@@ -197,8 +200,8 @@ def choose(index: int | None = None) -> DeviceReport:
         if not reports[index].usable:
             raise InputError(f"--device {index}: {reports[index].label} does not work: {reports[index].problem}")
         return reports[index]
-    usable = sorted((r for r in reports if r.usable), key=lambda r: r.kind != "gpu")
-    if not usable:
-        why = "; ".join(f"{r.label}: {r.problem}" for r in reports) or "no platform was found"
-        raise InputError(f"OpenCL: expected a device that builds and runs a kernel, got none ({why})")
-    return usable[0]
+    for report in sorted(reports, key=lambda r: r.kind != "gpu"):
+        if report.usable:  # those behind it are not tried
+            return report
+    why = "; ".join(f"{r.label}: {r.problem}" for r in reports) or "no platform was found"
+    raise InputError(f"OpenCL: expected a device that builds and runs a kernel, got none ({why})")

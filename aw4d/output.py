@@ -177,6 +177,14 @@ def _write(frames: Iterable[Frame], sinks: Sequence[Sink]) -> None:
             sink.write(frame)
 
 
+def _noting_first(frames: Iterable[Frame], first: list[float]) -> Iterator[Frame]:
+    """The same frames; `first` gets the time at which the first of them is there."""
+    for frame in frames:
+        if not first:
+            first.append(time.perf_counter())
+        yield frame
+
+
 def write_all(frames: Iterable[Frame], out: Path, *, fps: float, kind: str = "png") -> None:
     """Write every frame into `out`."""
     with open_output(out, fps, kind) as sink:
@@ -193,12 +201,15 @@ def write_edit(
     kind: str = "png",
     layer_folder: Path | None = None,
     watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames,
+    started: float | None = None,
 ) -> dict[str, Any]:
     """Edit the chosen frames into `out`, all layers into `layer_folder`, and the sidecar, which is returned.
 
-    `watch` sees every frame on its way, to show progress.
+    `watch` sees every frame on its way, to show progress. Its seconds count from `started`, by `time.perf_counter`, or
+    from this call on.
     """
-    start = time.perf_counter()
+    start = time.perf_counter() if started is None else started
+    first: list[float] = []
     layers = [*made.layers, EACH_LIGHT, LABELS] if layer_folder is not None else []
     with (
         replacing(sidecar_path(out)) as note,
@@ -206,8 +217,9 @@ def write_edit(
         open_output(out, clip.info.fps, kind) as sink,
         _open_layers(layer_folder, clip, chosen) as layer_sinks,
     ):
-        _write(watch(frames), [sink, *layer_sinks])
+        _write(watch(_noting_first(frames, first)), [sink, *layer_sinks])
         content = sidecar(clip, made, backend=backend.name, frames=chosen, seconds=time.perf_counter() - start)
+        content["first_frame_seconds"] = round(first[0] - start, 3)
         # Before the output takes its place: where there is no room for its sidecar, there is none for the output.
         note.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return content

@@ -85,6 +85,7 @@ def frames_of(
     depths = [name for name in ("depth", *PARTICLE_DEPTHS) if LABELS in layers and name in {"depth", *made.layers}]
     read = tuple(dict.fromkeys((*made.planes, *labels)))
     wanted = list(dict.fromkeys((*own, *depths)))
+    backend.prepare([step.name for step in made.steps], wanted)
     made = with_clip_exposure(clip, made, backend)
     for index, source in zip(chosen, ahead(clip.frame(i, read) for i in chosen), strict=True):
         out = render(backend, source, made, index, wanted)

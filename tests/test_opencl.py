@@ -141,8 +141,9 @@ def test_auto_takes_numpy_where_no_device_works_and_says_why(broken: str, caplog
 def test_doctor_prints_what_a_compiler_says_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     said = "error: [/usr/include] [bold] is no target"
     device = opencl.DeviceReport(
-        index=0, platform="P [x]", name="D", kind="cpu", version="1", units=1, width=1, problem=said, device=None
+        index=0, platform="P [x]", name="D", kind="cpu", version="1", units=1, width=1, device=None
     )
+    monkeypatch.setattr(opencl, "_probe", lambda device: said)
     monkeypatch.setattr(opencl, "devices", lambda: (device,))
     out = io.StringIO()
     assert not doctor.report(Console(file=out))

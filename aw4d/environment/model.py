@@ -9,13 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import reference_numpy.brdf
+import reference_numpy.environment
+from aw4d import cache
 from aw4d.camera import Camera
+from aw4d.environment import latlong, prefilter
 from aw4d.environment.latlong import level_irradiance, sample, solid_angles
 from aw4d.environment.prefilter import SIZE, irradiance_table, lobe_table, specular_table
 from reference_numpy.environment import octahedral_grid
 from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
+
+# What the tables follow from beside the light.
+_MAKERS = cache.source_of(prefilter, latlong, reference_numpy.environment, reference_numpy.brdf)
 
 BACKDROP = 512  # largest side of the table that the sky shows; half a texel is 0.2 degrees
 
@@ -59,7 +66,10 @@ class Environment:
 
     @cached_property
     def tables(self) -> dict[str, Array]:
-        """Its octahedral tables, in absolute units, by argument name; made once."""
+        """Its octahedral tables, in absolute units, by argument name; made once, and kept on disk."""
+        return cache.kept("sky", (_MAKERS, self.radiance, self.backdrop), self._make_tables)
+
+    def _make_tables(self) -> dict[str, Array]:
         size = int(min(max(2 * self.backdrop.shape[0], SIZE), BACKDROP))
         return {
             "env_irradiance": irradiance_table(self.radiance),
@@ -119,7 +129,7 @@ def arrays(environment: Environment, camera: Camera, white_cd_m2: float) -> Envi
 @lru_cache(maxsize=2)  # the frames of a clip share them
 def _scaled_tables(environment: Environment, white_cd_m2: float) -> dict[str, NDArray[np.float32]]:
     tables = {name: _texels(table / white_cd_m2) for name, table in environment.tables.items()}
-    tables["env_brdf"] = lobe_table()
+    tables |= cache.kept("lobes", (_MAKERS,), lambda: {"env_brdf": lobe_table()})
     return {name: table.astype(np.float32) for name, table in tables.items()}
 
 

@@ -6,7 +6,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import map_coordinates
 
 from aw4d.environment.latlong import sample, shrink, solid_angles
 from reference_numpy.brdf import V_SmithGGXCorrelated, alpha_of
@@ -51,6 +50,8 @@ def _convolve(radiance: Array, kernel: Array, *, mean: bool) -> Array:
 
 def _to_octahedral(radiance: Array, size: int) -> Array:
     """A smooth map, (R, C, 3), as an octahedral table, by cubic interpolation; never below 0."""
+    from scipy.ndimage import map_coordinates  # here: tables that are kept on disk need none of SciPy
+
     d = octahedral_grid(size)
     around, over = 8, 4
     turned = np.roll(radiance, COLUMNS // 2, axis=1)  # what lies over the pole is half a turn away

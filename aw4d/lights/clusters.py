@@ -1,12 +1,12 @@
-"""Exact single linkage of points in space: which points hang together by steps shorter than a distance."""
+"""Exact single linkage of points in space: which points hang together by steps shorter than a distance.
+
+SciPy is imported where it is used: an edit whose lamps are known needs none of it.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from aw4d.errors import InputError
 
@@ -75,6 +75,9 @@ class _Groups:
         self.of_cell = np.arange(count)
 
     def join(self, a: Index, b: Index) -> None:
+        from scipy.sparse import coo_array
+        from scipy.sparse.csgraph import connected_components
+
         if len(a):
             n = int(self.of_cell.max()) + 1
             edges = coo_array((np.ones(len(a), np.bool_), (self.of_cell[a], self.of_cell[b])), shape=(n, n))
@@ -118,6 +121,8 @@ def _link_all(cells: _Cells, groups: _Groups, a: Index, b: Index, distance: floa
 
 def _link_one(cells: _Cells, groups: _Groups, a: Index, b: Index, distance: float) -> None:
     """Join one pair of well-filled cells by a search for its closest points."""
+    from scipy.spatial import cKDTree
+
     if not groups.apart(a, b)[0]:
         return
     p, q = (cells.points[cells.start[c[0]] :][: cells.count[c[0]]] for c in (a, b))

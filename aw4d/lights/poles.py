@@ -7,12 +7,15 @@ end below it; trunks are thicker, and their crowns and bushes stand around them.
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aw4d import cache
 from aw4d.clip import Clip
+from aw4d.lights import clusters
 from aw4d.lights.clusters import components
 from aw4d.lights.light import Light
 from aw4d.lights.street_lamps import spots
@@ -189,5 +192,7 @@ def pole_lamps(clip: Clip, params: StreetLampParams, *, white_cd_m2: float) -> l
     white_cd_m2
         The luminance that the picture shows as white.
     """
-    lamps = _lamps(_poles(_returns(clip, params.every)), _way(clip.info.camera_to_world), params)
+    key = (cache.source_of(sys.modules[__name__], clusters), clip.stamp(["points"]), params.every)
+    feet = cache.kept("poles", key, lambda: {"feet": _poles(_returns(clip, params.every))})["feet"]
+    lamps = _lamps(feet, _way(clip.info.camera_to_world), params)
     return spots(lamps, params, white_cd_m2=white_cd_m2, name="pole")

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from aw4d import cache
 from aw4d.clip import Clip
 from aw4d.gbuffer import GBuffer
+from aw4d.lights import clusters
 from aw4d.lights.clusters import components
 from aw4d.lights.light import Light
 from aw4d.lights.photometry import on_picture
@@ -130,9 +133,16 @@ def street_lamps(clip: Clip, params: StreetLampParams, *, white_cd_m2: float) ->
     """
     if not set(PLANES) <= set(clip.planes):
         return []
-    found = [_mask_points(clip.frame(index, PLANES), index) for index in range(0, len(clip), params.every)]
+    key = (cache.source_of(sys.modules[__name__], clusters), clip.stamp(PLANES), params.every)
+    heads = cache.kept("lamps", key, lambda: {"heads": _search(clip, params.every)})["heads"]
+    return spots(heads, params, white_cd_m2=white_cd_m2, name="street")
+
+
+def _search(clip: Clip, every: int) -> Points:
+    """Heads of the lamps in every so many frames."""
+    found = [_mask_points(clip.frame(index, PLANES), index) for index in range(0, len(clip), every)]
     seen = _Seen(*(np.concatenate([getattr(part, f.name) for part in found]) for f in fields(_Seen)))
-    return spots(_heads(seen), params, white_cd_m2=white_cd_m2, name="street")
+    return _heads(seen)
 
 
 def spots(heads: Points, params: StreetLampParams, *, white_cd_m2: float, name: str) -> list[Light]:

@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from aw4d.clip import ClipInfo
 from aw4d.params import RainStreaksParams, SnowFallParams
@@ -150,6 +149,8 @@ def eye_velocity(info: ClipInfo, index: int) -> Array:
 
 def _gusts(gust_m_s: float) -> Array:
     """Speed of every class beside the wind, (CLASSES, 3): normal along x and z."""
+    from scipy.special import ndtri  # here: weathers in which nothing falls need none of SciPy
+
     return gust_m_s * np.stack([ndtri(_spread(2)), np.zeros(CLASSES), ndtri(_spread(3))], axis=1)
 
 

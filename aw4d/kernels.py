@@ -1,0 +1,107 @@
+"""Built kernels: arguments by name, and the binaries of runtimes that keep none themselves."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from aw4d import cache, opencl
+
+KIND = "kernels"  # of the cache's files
+
+
+class Kernel:
+    """A built kernel and the types of its arguments by name."""
+
+    def __init__(self, cl: Any, kernel: Any, types: dict[str, str]) -> None:
+        self._cl = cl
+        self._kernel = kernel
+        self.types = types
+
+    def enqueue(
+        self, queue: Any, size: tuple[int, int], group: tuple[int, int] | None, at_hand: dict[str, Any]
+    ) -> None:
+        """Set every argument and enqueue over (columns, rows) of work-items, in groups of that size or the driver's."""
+        for i, (name, kind) in enumerate(self.types.items()):
+            self._kernel.set_arg(i, self._convert(name, kind, at_hand[name]))
+        self._cl.enqueue_nd_range_kernel(queue, self._kernel, size, group)
+
+    def _convert(self, name: str, kind: str, value: Any) -> Any:
+        if kind.endswith("*"):
+            return value
+        if kind == "float3":
+            return np.array([*value, 0], dtype=np.float32)
+        if kind in ("float", "int"):
+            return np.dtype(kind.replace("float", "float32").replace("int", "int32")).type(value)
+        raise TypeError(f"{name}: arguments of type {kind} are not bound")
+
+
+def build(
+    context: Any, report: opencl.DeviceReport, text: str, options: Sequence[str], names: Sequence[str]
+) -> list[Kernel]:
+    """Kernels of a program, from the cache where this device's driver has built the same before.
+
+    Not pyopencl's own cache: a kernel out of a binary has lost its argument names on Intel's runtime, which keeps
+    nothing itself. PoCL and the GPU drivers cache what they build.
+
+    Parameters
+    ----------
+    context, report
+        Context of one device, and what is known of it.
+    text, options
+        Source of the program, and how it is built; `-cl-kernel-arg-info` among it.
+    names
+        The kernels that are wanted, in the order in which they are returned.
+
+    Raises
+    ------
+    pyopencl.Error
+        The program cannot be built.
+    """
+    cl = opencl.load()
+    keeps = not (report.kind == "cpu" and "intel" in report.platform.lower())
+    key = (report.platform, report.name, report.version, _cpu(), text, list(options))
+    if not keeps and (held := cache.read(KIND, key)) is not None:
+        with contextlib.suppress(cl.Error, KeyError):  # else a binary that the runtime refuses: it is built anew
+            binary = held[_BINARY].tobytes()
+            program = cl.Program(context, [report.device], [binary]).build(list(options), cache_dir=False)
+            return [
+                Kernel(cl, cl.Kernel(program, name), {n: kind for n, kind in held[name].tolist()}) for name in names
+            ]
+    program = cl.Program(context, text).build(list(options), cache_dir=False)
+    kernels = [cl.Kernel(program, name) for name in names]
+    types = [_types(kernel) for kernel in kernels]
+    if not keeps:
+        binary = np.frombuffer(program.get_info(cl.program_info.BINARIES)[0], np.uint8)
+        cache.write(KIND, key, {_BINARY: binary} | {name: _rows(of) for name, of in zip(names, types, strict=True)})
+    return [Kernel(cl, kernel, of) for kernel, of in zip(kernels, types, strict=True)]
+
+
+_BINARY = " binary"  # no name of a kernel
+
+
+def _cpu() -> str:
+    """What this machine's processor can do: binaries of one that can do more would stop the program."""
+    with contextlib.suppress(OSError):
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith(("flags", "Features")):
+                return line
+    return ""
+
+
+def _types(kernel: Any) -> dict[str, str]:
+    """Types of a kernel's arguments by name, in order."""
+    info = opencl.load().kernel_arg_info
+    return {
+        kernel.get_arg_info(i, info.NAME): kernel.get_arg_info(i, info.TYPE_NAME).replace(" ", "")
+        for i in range(kernel.num_args)
+    }
+
+
+def _rows(types: dict[str, str]) -> NDArray[np.str_]:
+    return np.array(list(types.items()), dtype=np.str_).reshape(-1, 2)
