@@ -68,11 +68,9 @@ def build(
     key = (report.platform, report.name, report.version, _cpu(), text, list(options))
     if not keeps and (held := cache.read(KIND, key)) is not None:
         with contextlib.suppress(cl.Error, KeyError):  # else a binary that the runtime refuses: it is built anew
-            binary = held[_BINARY].tobytes()
-            program = cl.Program(context, [report.device], [binary]).build(list(options), cache_dir=False)
-            return [
-                Kernel(cl, cl.Kernel(program, name), {n: kind for n, kind in held[name].tolist()}) for name in names
-            ]
+            program = cl.Program(context, [report.device], [held[_BINARY].tobytes()])
+            program.build(list(options), cache_dir=False)
+            return [Kernel(cl, cl.Kernel(program, name), dict(held[name].tolist())) for name in names]
     program = cl.Program(context, text).build(list(options), cache_dir=False)
     kernels = [cl.Kernel(program, name) for name in names]
     types = [_types(kernel) for kernel in kernels]
