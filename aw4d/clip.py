@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from aw4d.boxes import Box
 from aw4d.camera import Camera
-from aw4d.colour import decode_srgb8, encode_srgb8
+from aw4d.colour import decode_srgb8, encode_srgb8, look_up
 from aw4d.errors import InputError
-from aw4d.gbuffer import PLANES, GBuffer, Plane
+from aw4d.gbuffer import PLANES, GBuffer, Plane, length2
 
 log = logging.getLogger("aw4d")
 FORMAT = "aw4d-clip"
@@ -32,25 +32,32 @@ SUFFIX_PARTIAL = ".partial"
 
 @dataclass(frozen=True, kw_only=True)
 class Stored:
-    """How a plane lies in the file: dtype, and the maps into and out of it."""
+    """How a plane lies in the file: dtype, the maps into and out of it, and whether every code is an admitted value."""
 
     dtype: str
     encode: Callable[[Plane], Plane]
     decode: Callable[[Plane], Plane]
+    sound: bool = False
 
 
 def _float(dtype: str) -> Stored:
     # Clipping before float16: albedo 1.0 must not come back as 1.0005, nor 1e5 as inf.
     limit = float(np.finfo(dtype).max)
-    return Stored(
-        dtype=dtype, encode=lambda v: np.clip(v, -limit, limit).astype(dtype), decode=lambda v: v.astype(np.float32)
-    )
+    decode = _from_float16 if dtype == "float16" else lambda v: v.astype(np.float32)
+    return Stored(dtype=dtype, encode=lambda v: np.clip(v, -limit, limit).astype(dtype), decode=decode)
+
+
+_OF_FLOAT16 = np.arange(2**16, dtype=np.uint16).view(np.float16).astype(np.float32)
+
+
+def _from_float16(v: Plane) -> Plane:
+    return look_up(_OF_FLOAT16, v.view(np.uint16))
 
 
 def _snorm16() -> Stored:
     def decode(v: Plane) -> Plane:
         n = v.astype(np.float32)
-        n /= np.sqrt(np.einsum("...c,...c->...", n, n))[..., None]
+        n /= np.sqrt(length2(n))[..., None]
         return n
 
     return Stored(dtype="int16", encode=lambda v: np.rint(v * 32767).astype(np.int16), decode=decode)
@@ -61,20 +68,21 @@ def _unorm8() -> Stored:
         dtype="uint8",
         encode=lambda v: np.rint(v * 255).astype(np.uint8),
         decode=lambda v: v.astype(np.float32) / np.float32(255),
+        sound=True,
     )
 
 
 # Recordings have 8 bits a channel; depth keeps full float32 (quantised depth is the paper's aliasing ablation).
 STORED: dict[str, Stored] = {
-    "rgb": Stored(dtype="uint8", encode=encode_srgb8, decode=decode_srgb8),
+    "rgb": Stored(dtype="uint8", encode=encode_srgb8, decode=decode_srgb8, sound=True),
     "depth": _float("float32"),
     "normal": _snorm16(),
     "albedo": _float("float16"),
     "roughness": _unorm8(),
     "metallic": _unorm8(),
     "emissive": _float("float16"),
-    "sky": Stored(dtype="bool", encode=lambda v: v, decode=lambda v: v),
-    "road": Stored(dtype="bool", encode=lambda v: v, decode=lambda v: v),
+    "sky": Stored(dtype="bool", encode=lambda v: v, decode=lambda v: v, sound=True),
+    "road": Stored(dtype="bool", encode=lambda v: v, decode=lambda v: v, sound=True),
     "vehicle": Stored(dtype="uint16", encode=lambda v: v.astype(np.uint16), decode=lambda v: v.astype(np.int32)),
     "street_light": Stored(dtype="uint16", encode=lambda v: v.astype(np.uint16), decode=lambda v: v.astype(np.int32)),
 }
@@ -267,7 +275,8 @@ class Clip:
         if missing:
             raise InputError(f"{self.path}: has no plane {', '.join(missing)} (it has: {', '.join(self.planes)})")
         values = {name: STORED[name].decode(self._chunk(name, index)) for name in wanted}
-        return GBuffer(values, camera=self.info.camera(index), time=float(self.info.times[index]))
+        sound = frozenset(name for name in wanted if STORED[name].sound)
+        return GBuffer(values, camera=self.info.camera(index), time=float(self.info.times[index]), sound=sound)
 
     def stamp(self, names: Sequence[str]) -> str:
         """Names the content of planes, and of "points", by the size and time of change of every file.

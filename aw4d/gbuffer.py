@@ -58,7 +58,16 @@ def _range_text(values: Plane) -> str:
     return f"[{finite.min():g}, {finite.max():g}]" if finite.size else "no finite value"
 
 
-def check_plane(name: str, values: Plane, height: int, width: int) -> Plane:
+def length2(vectors: Plane) -> Plane:
+    """Squared lengths of (..., 3)."""
+    x, y, z = (vectors[..., i] for i in range(3))
+    out = x * x
+    out += y * y
+    out += z * z
+    return np.asarray(out)
+
+
+def check_plane(name: str, values: Plane, height: int, width: int, *, sound: bool = False) -> Plane:
     """Check one plane against its rule and return it, contiguous.
 
     Parameters
@@ -69,6 +78,8 @@ def check_plane(name: str, values: Plane, height: int, width: int) -> Plane:
         (height, width) or (height, width, 3) of the rule's dtype.
     height, width
         Size of the frame [px].
+    sound
+        The values keep the rule, whatever they are: only shape and dtype are looked at.
 
     Raises
     ------
@@ -84,17 +95,19 @@ def check_plane(name: str, values: Plane, height: int, width: int) -> Plane:
         raise InputError(f"{expected}, got shape {values.shape}")
     if values.dtype != spec.dtype:
         raise InputError(f"{expected}, got {values.dtype.name}")
-    if spec.dtype is np.float32:
-        bad = int(values.size - np.count_nonzero(np.isfinite(values)))
-        if bad:
-            raise InputError(f"{expected}, got {bad} values that are NaN or infinite")
-    if values.size and spec.dtype is not np.bool_ and (values.min() < spec.low or values.max() > spec.high):
-        raise InputError(f"{expected} within [{spec.low:g}, {spec.high:g}], got {_range_text(values)}")
-    if name == "normal":
-        length2 = np.einsum("...c,...c->...", values, values)
-        if values.size and np.abs(length2 - 1).max() > 4e-3:
-            raise InputError(f"{expected} of length 1, got lengths {_range_text(np.sqrt(length2))}")
+    if values.size and not sound:
+        _check_values(spec, values, expected)
     return np.ascontiguousarray(values)
+
+
+def _check_values(spec: PlaneSpec, values: Plane, expected: str) -> None:
+    # A NaN among them is also the least and the largest of them, and is within no range.
+    if spec.dtype is not np.bool_ and not (values.min() >= spec.low and values.max() <= spec.high):
+        if spec.dtype is np.float32 and (bad := int(values.size - np.count_nonzero(np.isfinite(values)))):
+            raise InputError(f"{expected}, got {bad} values that are NaN or infinite")
+        raise InputError(f"{expected} within [{spec.low:g}, {spec.high:g}], got {_range_text(values)}")
+    if spec is PLANES["normal"] and np.abs((found := length2(values)) - 1).max() > 4e-3:
+        raise InputError(f"{expected} of length 1, got lengths {_range_text(np.sqrt(found))}")
 
 
 def check_depth_unit(depth: Plane, sky: Plane | None = None) -> None:
@@ -126,6 +139,8 @@ class GBuffer(Mapping[str, Plane]):
         The frame's camera.
     time
         Seconds since the clip's first frame.
+    sound
+        Names of planes that keep their rule whatever their values: those are not looked at.
 
     Raises
     ------
@@ -133,10 +148,14 @@ class GBuffer(Mapping[str, Plane]):
         A plane breaks its rule.
     """
 
-    def __init__(self, planes: Mapping[str, Plane], *, camera: Camera, time: float) -> None:
+    def __init__(
+        self, planes: Mapping[str, Plane], *, camera: Camera, time: float, sound: frozenset[str] = frozenset()
+    ) -> None:
         self.camera = camera
         self.time = float(time)
-        self._planes = {name: check_plane(name, values, *camera.shape) for name, values in planes.items()}
+        self._planes = {
+            name: check_plane(name, values, *camera.shape, sound=name in sound) for name, values in planes.items()
+        }
 
     def with_plane(self, name: str, values: Plane) -> GBuffer:
         """The same frame with one plane more, or another one in its place; only that one is checked."""

@@ -49,11 +49,14 @@ class Lighting:
 
     def lights(self, index: int) -> list[Light]:
         """All local lights of a frame."""
-        moving: list[Light] = []
-        if self.settings.lights.vehicles:
-            found = vehicle_lights(self.info, index, self.settings.vehicle_lights, white_cd_m2=self.white_cd_m2)
-            moving = switched_on(found, self.settings.lights.off)
-        return [*self.standing, *moving]
+        return [*self.standing, *self._moving(index)]
+
+    def _moving(self, index: int) -> list[Light]:
+        """Lights of the vehicles that move."""
+        if not self.settings.lights.vehicles:
+            return []
+        found = vehicle_lights(self.info, index, self.settings.vehicle_lights, white_cd_m2=self.white_cd_m2)
+        return switched_on(found, self.settings.lights.off)
 
     def scene(self, index: int, camera: Camera) -> Scene:
         """What lights a frame, as the passes take it."""
@@ -73,17 +76,16 @@ class Lighting:
         Traffic lights were recorded at the brightness of their day; they keep it on the picture's scale, as a camera
         that exposes for the night shows them as white-hot as the day's shows them.
         """
-        height, width = frame.camera.shape
-        out = np.zeros((height, width, 3), dtype=np.float32)
         if self.settings.lights.traffic and "emissive" in frame:
-            out += frame["emissive"]
-        lamps = [light for light in self.standing if light.name.startswith(("street-", "pole-"))]
-        street = self.settings.street_lamps
-        out += street_lamp_faces(
-            lamps, frame["depth"], frame["sky"], frame.camera, street, white_cd_m2=self.white_cd_m2
-        )
-        if self.settings.lights.vehicles and "vehicle" in frame:
-            burning = frozenset(light.name for light in self.lights(index))
+            out = frame["emissive"].copy()
+        else:
+            out = np.zeros((*frame.camera.shape, 3), dtype=np.float32)
+        if lamps := [light for light in self.standing if light.name.startswith(("street-", "pole-"))]:
+            street = self.settings.street_lamps
+            out += street_lamp_faces(
+                lamps, frame["depth"], frame["sky"], frame.camera, street, white_cd_m2=self.white_cd_m2
+            )
+        if "vehicle" in frame and (burning := frozenset(light.name for light in self._moving(index))):
             own = self.settings.vehicle_lights
             out += vehicle_emission(self.info, index, frame, own, white_cd_m2=self.white_cd_m2, lit=burning)
         return out

@@ -82,7 +82,7 @@ def _truncated(data: bytes) -> bytes:
 
 
 def _flipped(data: bytes) -> bytes:
-    at = len(data) // 3
+    at = data.index((np.arange(12.0) / 7).tobytes())  # of what is held; bytes of the file's own may mean nothing
     return data[:at] + bytes([data[at] ^ 16]) + data[at + 1 :]
 
 

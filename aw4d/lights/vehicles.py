@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,18 +43,18 @@ class _Motion:
     boxes: list[Box]
     velocity: Array
 
-    @property
+    @cached_property
     def speed(self) -> Array:
         """Over the ground [m/s]."""
         return np.asarray(np.hypot(self.velocity[:, 0], self.velocity[:, 2]), dtype=np.float64)
 
-    @property
+    @cached_property
     def front(self) -> int:
         """1 where the boxes' x axis leads, -1 where the track moves the other way."""
         ahead = np.array([box.object_to_world[:3, 0] for box in self.boxes])
         return -1 if float(np.sum(ahead * self.velocity)) < 0 else 1
 
-    @property
+    @cached_property
     def drives(self) -> float:
         """Its highest speed [m/s]; 0 for one that stays where it is, whose boxes merely jitter."""
         centres = np.array([box.object_to_world[[0, 2], 3] for box in self.boxes])

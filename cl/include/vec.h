@@ -31,6 +31,9 @@ typedef JOIN(float, W) floatw;
 typedef JOIN(int, W) intw;
 typedef JOIN(uint, W) uintw;
 typedef JOIN(uchar, W) ucharw;
+/* Kernels are written in vectors. A compiler that looks for more of them, across work-items, as Intel's does, finds none
+ * and spends most of its time on it. */
+#define __kernel __kernel __attribute__((vec_type_hint(floatw)))
 #define LOADW(p) JOIN(vload, W)(0, p)
 #define STOREW(x, p) JOIN(vstore, W)(x, 0, p)
 #define LOADMASKW(p) (JOIN(convert_int, W)(JOIN(vload, W)(0, p)) != 0)
