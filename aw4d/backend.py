@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,7 +14,10 @@ from aw4d.scene import Scene
 
 
 class Planes(Protocol):
-    """One frame's planes where the backend works on them; valid until the backend's next upload."""
+    """One frame's planes where the backend works on them; valid until the backend's next upload.
+
+    What was asked for with `fetch` before it comes all the same.
+    """
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -40,6 +43,12 @@ class Backend(Protocol):
     def put(self, planes: Planes, name: str, values: NDArray[Any]) -> None:
         """Replace a plane by values, (H, W) or (H, W, 3)."""
 
+    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[np.float32]]]:
+        """Ask for planes and layers as they are after the passes so far; what is returned waits for them.
+
+        Between the two the backend takes the next frame.
+        """
+
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes and layers by name, (H, W) or (H, W, 3) float32."""
 
@@ -49,6 +58,12 @@ def frame_arguments(frame: GBuffer, scene: Scene) -> dict[str, Any]:
     K = frame.camera.K.astype(np.float32)
     camera = {"fx": K[0, 0], "fy": K[1, 1], "cx": K[0, 2], "cy": K[1, 2]}
     return camera | scene.arguments()
+
+
+def unwritable(values: NDArray[Any]) -> NDArray[Any]:
+    """The array, closed for writing: as long as frames share it, a backend needs to take it only once."""
+    values.flags.writeable = False
+    return values
 
 
 def own_arguments(name: str, arguments: Mapping[str, Any]) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cache
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aw4d import opencl
-from aw4d.backend import Planes, check_names, frame_arguments, own_arguments
+from aw4d.backend import Planes, check_names, frame_arguments, own_arguments, unwritable
 from aw4d.errors import InputError
 from aw4d.gbuffer import PLANES, GBuffer
 from aw4d.kernels import Kernel, build
@@ -58,6 +58,13 @@ def source(name: str) -> str:
     return _INCLUDE.sub(inline, folder.joinpath(f"{name}.cl").read_text(encoding="utf-8"))
 
 
+@cache
+def _node_tables(nodes: int) -> dict[str, NDArray[np.float32]]:
+    """Places and weights of the upper half of the nodes; the same arrays every time, so that they are copied once."""
+    tables = (half[nodes // 2 :].astype(np.float32) for half in gauss_legendre(nodes))
+    return dict(zip(("node_x", "node_w"), map(unwritable, tables), strict=True))
+
+
 def scalar_arguments(p: Params) -> dict[str, Any]:
     """Parameters as a kernel takes them: names of conventions as numbers, node counts as tables."""
     out: dict[str, Any] = {}
@@ -65,8 +72,7 @@ def scalar_arguments(p: Params) -> dict[str, Any]:
         if name == "convention":
             out[name] = CONVENTIONS.index(value)
         elif name == "nodes":
-            x, w = gauss_legendre(value)
-            out |= {"node_x": x[value // 2 :], "node_w": w[value // 2 :], "node_pairs": value // 2}
+            out |= _node_tables(value) | {"node_pairs": value // 2}
         else:
             out[name] = value
     return out
@@ -86,6 +92,14 @@ class OpenCLPlanes:
     def plane(self) -> int:
         """Values from one channel to the next."""
         return self.pitch * self.shape[0]
+
+
+@dataclass
+class _Set:
+    """Buffers of an uploaded frame by name, and the event after which no pass works on them."""
+
+    buffers: dict[str, Any] = field(default_factory=dict)
+    used: Any = None
 
 
 class OpenCLBackend:
@@ -112,6 +126,9 @@ class OpenCLBackend:
         self.width = width if width is not None else self.report.width
         self._context = self._cl.Context([self.report.device])
         self._queue = self._cl.CommandQueue(self._context)
+        self._uploads = self._cl.CommandQueue(self._context)
+        self._sets = (_Set(), _Set())  # one is filled with a frame while passes work on the other
+        self._constants: dict[str, tuple[NDArray[Any], Any]] = {}
         self._kernels: dict[tuple[str, bool], Future[list[Kernel]]] = {}
         self._builders = ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="build")
         self._pool: dict[str, Any] = {}
@@ -121,15 +138,16 @@ class OpenCLBackend:
         """Device, vendor, version, width."""
         return f"opencl {self.report.label}, float32 x {self.width}"
 
-    def _buffer(self, name: str, nbytes: int) -> Any:
+    def _buffer(self, name: str, nbytes: int, pool: dict[str, Any] | None = None) -> Any:
         """A buffer of that name, of that size or more, kept from frame to frame."""
-        held = self._pool.get(name)
+        pool = self._pool if pool is None else pool
+        held = pool.get(name)
         if held is None or held.size < nbytes:
             try:
                 held = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, nbytes)
             except self._cl.Error as error:
                 raise InputError(f"{self.report.label}: no {nbytes / 1e6:.0f} MB for {name} ({error})") from error
-            self._pool[name] = held
+            pool[name] = held
         return held
 
     def _to_device(self, name: str, values: NDArray[Any]) -> Any:
@@ -139,16 +157,59 @@ class OpenCLBackend:
             self._cl.enqueue_copy(self._queue, buffer, data)
         return buffer
 
+    def _constant(self, name: str, values: NDArray[Any]) -> Any:
+        """A buffer of an array that nobody can write to; copied once for all the frames that share the array."""
+        if name not in self._constants or self._constants[name][0] is not values:
+            flags = self._cl.mem_flags.READ_ONLY | self._cl.mem_flags.COPY_HOST_PTR
+            self._constants[name] = values, self._cl.Buffer(self._context, flags, hostbuf=np.ascontiguousarray(values))
+        return self._constants[name][1]
+
+    def _next_set(self) -> dict[str, Any]:
+        """Buffers that no pass works on any more: those of the upload before the last one."""
+        last, free = self._sets
+        last.used = self._cl.enqueue_marker(self._queue)
+        self._queue.flush()
+        if free.used is not None:
+            free.used.wait()
+        self._sets = free, last
+        return free.buffers
+
+    def _filled(self, name: str, values: NDArray[Any], pool: dict[str, Any]) -> Any:
+        """A buffer with an array in it, whatever the passes do meanwhile."""
+        if not values.flags.writeable:
+            return self._constant(name, values)
+        buffer = self._buffer(name, max(values.nbytes, 4), pool)  # no runtime takes an empty buffer
+        if values.nbytes:
+            self._cl.enqueue_copy(self._uploads, buffer, np.ascontiguousarray(values))
+        return buffer
+
+    def _plane(self, name: str, values: NDArray[Any], pitch: int, pool: dict[str, Any]) -> Any:
+        """A buffer with a plane, written in place: channel after channel, rows padded with their last pixel's value."""
+        values = values.view(np.uint8) if values.dtype == np.bool_ else values
+        planar = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
+        width = values.shape[1]
+        buffer = self._buffer(name, planar.nbytes // width * pitch, pool)
+        there, _ = self._cl.enqueue_map_buffer(
+            *(self._uploads, buffer, self._cl.map_flags.WRITE_INVALIDATE_REGION, 0),
+            *((*planar.shape[:2], pitch), planar.dtype),
+        )
+        there[..., :width] = planar
+        there[..., width:] = there[..., width - 1 : width]
+        there.base.release(self._uploads)
+        return buffer
+
     def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> OpenCLPlanes:
-        """Copy a frame to the device, channel after channel, rows padded with their last pixel's value."""
+        """Take a frame, while the passes of the frame before may still run."""
         height, width = frame.camera.shape
         pitch = -(-width // self.width) * self.width
-        buffers = {name: self._to_device(name, _planar(frame[name], pitch)) for name in frame}
+        pool = self._next_set()
+        buffers = {name: self._plane(name, frame[name], pitch, pool) for name in frame}
         arguments: dict[str, Any] = {"light_count": len(scene.lights), "width": width, "height": height}
         prepared = {"light_ball": balls(scene.lights), "light_shape": shapes(scene.lights)}
         given = frame_arguments(frame, scene) | prepared
         for name, value in given.items():
-            arguments[name] = self._to_device(name, value) if np.ndim(value) else value
+            arguments[name] = self._filled(name, np.asarray(value), pool) if np.ndim(value) else value
+        self._uploads.finish()
         planes = OpenCLPlanes(
             shape=(height, width), pitch=pitch, buffers=buffers, layers=frozenset(layers), arguments=arguments
         )
@@ -203,9 +264,7 @@ class OpenCLBackend:
             self._cl.enqueue_fill_buffer(self._queue, planes.buffers[plane], value, 0, planes.buffers[plane].size)
         own = scalar_arguments(p)
         tables = {
-            key: self._to_device(key, np.asarray(value, dtype=np.float32))
-            for key, value in own.items()
-            if isinstance(value, np.ndarray)
+            key: self._constant(f"{name}.{key}", value) for key, value in own.items() if isinstance(value, np.ndarray)
         }
         given = own_arguments(name, planes.arguments)
         count = given[PASSES[name].counts]
@@ -253,16 +312,28 @@ class OpenCLBackend:
 
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes and layers by name, without their padding, (H, W) or (H, W, 3)."""
+        return self.fetch(planes, names)()
+
+    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[np.float32]]]:
+        """Enqueue the copies of planes and layers; what is returned waits for them."""
         assert isinstance(planes, OpenCLPlanes)
         held = WORKING | {layer: n for entry in PASSES.values() for layer, n in entry.layers.items()}
-        out = {}
+        copies: dict[str, tuple[NDArray[np.float32], Any]] = {}
         for name in names:
             channels = held[name] if name in held else PLANES[name].channels
             padded = np.empty((channels, planes.shape[0], planes.pitch), dtype=np.float32)
-            self._cl.enqueue_copy(self._queue, padded, planes.buffers[name])
-            image = padded[:, :, : planes.shape[1]]
-            out[name] = np.ascontiguousarray(image[0] if channels == 1 else np.moveaxis(image, 0, -1))
-        return out
+            copies[name] = padded, self._cl.enqueue_copy(self._queue, padded, planes.buffers[name], is_blocking=False)
+        self._queue.flush()
+
+        def wait() -> dict[str, NDArray[np.float32]]:
+            out = {}
+            for name, (padded, copied) in copies.items():
+                copied.wait()
+                image = padded[:, :, : planes.shape[1]]
+                out[name] = np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
+            return out
+
+        return wait
 
 
 def _planar(values: NDArray[Any], pitch: int) -> NDArray[Any]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import inspect
+import io
 import logging
 import os
 import tempfile
@@ -25,6 +26,7 @@ log = logging.getLogger("aw4d")
 Arrays = dict[str, NDArray[Any]]
 
 MOST = 64  # files of a kind; those that were not used for longest go first
+CHECKSUM = hashlib.sha256().digest_size  # bytes before what is held
 LITTER_S = 3600.0  # after which an unfinished file has been left by a run that was killed
 
 
@@ -60,10 +62,13 @@ def kept(kind: str, key: Sequence[object], make: Callable[[], Arrays]) -> Arrays
 
 
 def read(kind: str, key: Sequence[object]) -> Arrays | None:
-    """Arrays by name, or None where there are none or the file is damaged: a checksum finds that."""
+    """Arrays by name, or None where there are none or the file is damaged."""
     path = _path(kind, key)
     try:
-        with np.load(path, allow_pickle=False) as held:
+        data = path.read_bytes()
+        if _checksum(data[CHECKSUM:]) != data[:CHECKSUM]:  # a .npz alone may lose an array and not tell
+            raise ValueError("the checksum does not match")
+        with np.load(io.BytesIO(data[CHECKSUM:]), allow_pickle=False) as held:
             found = {name: held[name] for name in held.files}
     except FileNotFoundError:
         return None
@@ -78,18 +83,24 @@ def read(kind: str, key: Sequence[object]) -> Arrays | None:
 def write(kind: str, key: Sequence[object], arrays: Arrays) -> None:
     """Keep arrays by name; a reader finds all of the file or none. Where that cannot be, nothing happens."""
     path = _path(kind, key)
+    data = io.BytesIO()
+    np.savez(data, allow_pickle=False, **arrays)
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(prefix=f".{kind}-", suffix=".tmp", dir=path.parent)
         try:
             with open(handle, "wb") as file:
-                np.savez(file, allow_pickle=False, **arrays)
+                file.write(_checksum(data.getbuffer()) + data.getvalue())
             Path(temporary).replace(path)
         finally:
             Path(temporary).unlink(missing_ok=True)
         _tidy(path.parent, kind)
     except OSError as error:
         log.debug("%s: not kept (%s)", path, error)
+
+
+def _checksum(data: bytes | memoryview) -> bytes:
+    return hashlib.sha256(data).digest()
 
 
 def _path(kind: str, key: Sequence[object]) -> Path:
@@ -99,14 +110,14 @@ def _path(kind: str, key: Sequence[object]) -> Path:
         digest.update(len(text).to_bytes(8, "little") + text)
         if isinstance(part, np.ndarray):
             digest.update(part.tobytes())
-    return folder() / f"{kind}-{digest.hexdigest()[:32]}.npz"
+    return folder() / f"{kind}-{digest.hexdigest()[:32]}.aw4d"
 
 
 def _tidy(where: Path, kind: str) -> None:
     """Remove what is too many, and what killed runs have left."""
     late = time.time() - LITTER_S
     _remove(path for path, used in _used(where.glob(f".{kind}-*.tmp")) if used < late)
-    by_use = sorted(_used(where.glob(f"{kind}-*.npz")), key=lambda held: held[1], reverse=True)
+    by_use = sorted(_used(where.glob(f"{kind}-*.aw4d")), key=lambda held: held[1], reverse=True)
     _remove(path for path, _ in by_use[MOST:])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -206,11 +206,17 @@ def render(
 
     A pure function of clip, plan and index: any frame alone comes out as in the whole run.
     """
-    frame = prepare(frame, made, index)
-    planes = backend.upload(frame, made.scene(index), layers)
+    return begin(backend, prepare(frame, made, index), made.scene(index), made, layers)()
+
+
+def begin(
+    backend: Backend, prepared: GBuffer, scene: Scene, made: Plan, layers: Sequence[str] = ()
+) -> Callable[[], dict[str, NDArray[np.float32]]]:
+    """Start on a prepared frame; what is returned waits for what `render` gives."""
+    planes = backend.upload(prepared, scene, layers)
     for step in made.steps:
         backend.run(step.name, planes, step.params)
-    return backend.download(planes, ["rgb", *layers])
+    return backend.fetch(planes, ["rgb", *layers])
 
 
 def each_light(backend: Backend, frame: GBuffer, made: Plan, index: int) -> dict[str, NDArray[np.float32]]:

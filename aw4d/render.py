@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import logging
-from collections.abc import Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,8 +17,10 @@ from aw4d.backend_numpy import NumpyBackend
 from aw4d.clip import Clip
 from aw4d.colour import LUMINANCE, encode_srgb8
 from aw4d.errors import InputError
+from aw4d.gbuffer import GBuffer
 from aw4d.overlap import ahead
-from aw4d.pipeline import Plan, before_grading, check_layers, each_light, plan, render
+from aw4d.pipeline import Plan, before_grading, begin, check_layers, each_light, plan, prepare, render
+from aw4d.scene import Scene
 from aw4d.weathers import nearest
 
 log = logging.getLogger("aw4d")
@@ -87,8 +90,7 @@ def frames_of(
     wanted = list(dict.fromkeys((*own, *depths)))
     backend.prepare([step.name for step in made.steps], wanted)
     made = with_clip_exposure(clip, made, backend)
-    for index, source in zip(chosen, ahead(clip.frame(i, read) for i in chosen), strict=True):
-        out = render(backend, source, made, index, wanted)
+    for index, source, out in _rendered(clip, made, backend, chosen, read, wanted):
         rgb = out.pop("rgb")
         if EACH_LIGHT in layers:
             out |= each_light(backend, source, made, index)
@@ -97,6 +99,26 @@ def frames_of(
             out = {name: plane for name, plane in out.items() if name in own or name not in depths}
             out |= {name: source[name] for name in labels} | {EDITED_DEPTH: edited}
         yield Frame(index=index, time=source.time, rgb=rgb, layers=out)
+
+
+def _rendered(
+    clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int], read: Sequence[str], wanted: Sequence[str]
+) -> Iterator[tuple[int, GBuffer, dict[str, NDArray[np.float32]]]]:
+    """Number, planes and results of every frame. A frame is begun before the one before it is waited for."""
+
+    def decoded() -> Iterator[tuple[int, GBuffer, GBuffer, Scene]]:
+        for index in chosen:
+            source = clip.frame(index, read)
+            yield index, source, prepare(source, made, index), made.scene(index)
+
+    begun: deque[tuple[int, GBuffer, Callable[[], dict[str, NDArray[np.float32]]]]] = deque()
+    for index, source, prepared, scene in ahead(decoded()):
+        begun.append((index, source, begin(backend, prepared, scene, made, wanted)))
+        if len(begun) > 1:
+            index, source, wait = begun.popleft()
+            yield index, source, wait()
+    for index, source, wait in begun:
+        yield index, source, wait()
 
 
 def with_clip_exposure(clip: Clip, made: Plan, backend: Backend) -> Plan:

@@ -8,7 +8,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -82,7 +82,7 @@ def _truncated(data: bytes) -> bytes:
 
 
 def _flipped(data: bytes) -> bytes:
-    at = data.index((np.arange(12.0) / 7).tobytes())  # of what is held; bytes of the file's own may mean nothing
+    at = len(data) // 3
     return data[:at] + bytes([data[at] ^ 16]) + data[at + 1 :]
 
 
@@ -97,13 +97,13 @@ def test_a_damaged_file_is_made_anew_and_replaced(folder: Path, damage: Callable
 
 
 def test_any_flipped_byte_is_found(folder: Path) -> None:
-    made = cache.kept("k", (), Maker())
+    cache.kept("k", (), Maker())
     path = only(folder)
     whole = path.read_bytes()
     for at in range(0, len(whole), 5):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 255]) + whole[at + 1 :])
         found = cache.read("k", ())
-        assert found is None or same(found, made)
+        assert found is None
 
 
 def test_a_folder_that_cannot_be_made_is_done_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,7 +118,7 @@ def test_a_full_disk_leaves_no_half_file(folder: Path, monkeypatch: pytest.Monke
     def full(*_: object, **__: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(np, "savez", full)
+    monkeypatch.setattr(Path, "replace", full)
     assert cache.kept("k", (), Maker())
     assert not list(folder.iterdir())
 
@@ -199,15 +199,18 @@ def test_a_kernel_from_the_cache_gives_the_same_bits(folder: Path, opencl_device
     assert len(of_kernels(folder)) <= 1  # none where the driver keeps its own
 
 
-def test_a_binary_that_the_driver_refuses_is_built_anew(folder: Path, opencl_device: OpenCLBackend) -> None:
+def test_a_binary_that_the_driver_refuses_is_built_anew(
+    opencl_device: OpenCLBackend, monkeypatch: pytest.MonkeyPatch
+) -> None:
     index = opencl_device.report.index
     built = fogged(OpenCLBackend(index))
-    for path in of_kernels(folder):
-        with np.load(path) as held:
-            arrays = dict(held)
-        arrays[kernels._BINARY] = np.zeros(1000, np.uint8)  # a whole file, but no binary of this driver's
-        with path.open("wb") as file:
-            np.savez(file, **arrays)
+    read = cache.read
+
+    def foreign(kind: str, key: Sequence[object]) -> cache.Arrays | None:
+        held = read(kind, key)
+        return held and held | {kernels._BINARY: np.zeros(1000, np.uint8)}
+
+    monkeypatch.setattr(cache, "read", foreign)
     assert np.array_equal(fogged(OpenCLBackend(index)), built)
 
 

@@ -130,7 +130,10 @@ def arrays(environment: Environment, camera: Camera, white_cd_m2: float) -> Envi
 def _scaled_tables(environment: Environment, white_cd_m2: float) -> dict[str, NDArray[np.float32]]:
     tables = {name: _texels(table / white_cd_m2) for name, table in environment.tables.items()}
     tables |= cache.kept("lobes", (_MAKERS,), lambda: {"env_brdf": lobe_table()})
-    return {name: table.astype(np.float32) for name, table in tables.items()}
+    held = {name: table.astype(np.float32) for name, table in tables.items()}
+    for table in held.values():
+        table.flags.writeable = False  # so that a backend sees that it has the table already
+    return held
 
 
 def _texels(table: Array) -> Array:

@@ -18,10 +18,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from aw4d.clip import Clip
+from aw4d.colour import encode_srgb8
 from aw4d.io.video import VideoWriter
 from aw4d.overlap import ahead
-from aw4d.pipeline import plan
-from aw4d.weathers import WEATHERS
 
 BASE = "--only-decode-and-encode"
 
@@ -45,8 +44,6 @@ def timed(command: list[str]) -> Run:
 
 def only_decode_and_encode(path: Path, out: Path, planes: list[str]) -> None:
     """What an edit cannot do without."""
-    from aw4d.colour import encode_srgb8
-
     clip = Clip(path)
     with VideoWriter(out, fps=clip.info.fps) as writer:
         for frame in ahead(clip.frame(index, planes) for index in range(len(clip))):
@@ -55,6 +52,9 @@ def only_decode_and_encode(path: Path, out: Path, planes: list[str]) -> None:
 
 def main() -> None:
     """Measure every weather and print a line each."""
+    from aw4d.pipeline import plan
+    from aw4d.weathers import WEATHERS
+
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("clip", type=Path)
     parser.add_argument("weathers", nargs="*", default=list(WEATHERS))
