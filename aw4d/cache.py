@@ -22,6 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from eval.cache import user_folder
+
 log = logging.getLogger("aw4d")
 Arrays = dict[str, NDArray[Any]]
 
@@ -31,10 +33,8 @@ LITTER_S = 3600.0  # after which an unfinished file has been left by a run that 
 
 
 def folder() -> Path:
-    """Where the files lie: `aw4d` in the user's cache folder, on Linux `$XDG_CACHE_HOME` or `~/.cache`."""
-    import platformdirs  # here: most commands need no cache
-
-    return platformdirs.user_cache_path("aw4d", appauthor=False)
+    """Where the files lie: beside the features that an evaluation keeps."""
+    return user_folder() / "edit"
 
 
 def source_of(*modules: ModuleType) -> str:

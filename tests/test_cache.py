@@ -30,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of its own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    return tmp_path / "aw4d"
+    return tmp_path / "autoweather4d" / "edit"
 
 
 class Maker:
