@@ -1,13 +1,16 @@
-"""Running an iterator in a thread of its own, a few items ahead, so that decode, compute and encode overlap."""
+"""Working ahead in threads, so that decode, compute and encode overlap."""
 
 from __future__ import annotations
 
 import queue
 import threading
-from collections.abc import Generator, Iterable
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
+Result = TypeVar("Result")
 _DEPTH = 2  # items ahead: enough to hide jitter, and memory stays flat
 
 
@@ -75,3 +78,22 @@ def ahead(items: Iterable[T]) -> Generator[T, None, None]:
         # The garbage collector closes a forgotten iterator in any thread, also in one that the producer waits for.
         if threading.current_thread() is consumer:
             producer.join()
+
+
+def mapped_ahead(function: Callable[[T], Result], items: Iterable[T]) -> Generator[Result, None, None]:
+    """Results of a function on items, in order, by two threads a few items ahead: while one waits, the other works.
+
+    A function's exception is raised here; closing the iterator early stops the threads.
+    """
+    consumer = threading.current_thread()
+    pool = ThreadPoolExecutor(_DEPTH)
+    pending: deque[Future[Result]] = deque()
+    try:
+        for item in items:
+            pending.append(pool.submit(function, item))
+            if len(pending) > _DEPTH:
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
+    finally:
+        pool.shutdown(wait=threading.current_thread() is consumer, cancel_futures=True)  # see `ahead`

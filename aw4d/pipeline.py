@@ -206,14 +206,14 @@ def render(
 
     A pure function of clip, plan and index: any frame alone comes out as in the whole run.
     """
-    return begin(backend, prepare(frame, made, index), made.scene(index), made, layers)()
+    return begin(backend, frame, made, index, layers)()
 
 
 def begin(
-    backend: Backend, prepared: GBuffer, scene: Scene, made: Plan, layers: Sequence[str] = ()
+    backend: Backend, frame: GBuffer, made: Plan, index: int, layers: Sequence[str] = ()
 ) -> Callable[[], dict[str, NDArray[np.float32]]]:
-    """Start on a prepared frame; what is returned waits for what `render` gives."""
-    planes = backend.upload(prepared, scene, layers)
+    """Start on a frame; what is returned waits for what `render` gives. Between the two the next one can be begun."""
+    planes = backend.upload(prepare(frame, made, index), made.scene(index), layers)
     for step in made.steps:
         backend.run(step.name, planes, step.params)
     return backend.fetch(planes, ["rgb", *layers])

@@ -7,6 +7,7 @@ import logging
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,9 +19,8 @@ from aw4d.clip import Clip
 from aw4d.colour import LUMINANCE, encode_srgb8
 from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
-from aw4d.overlap import ahead
-from aw4d.pipeline import Plan, before_grading, begin, check_layers, each_light, plan, prepare, render
-from aw4d.scene import Scene
+from aw4d.overlap import mapped_ahead
+from aw4d.pipeline import Plan, before_grading, begin, check_layers, each_light, plan, render
 from aw4d.weathers import nearest
 
 log = logging.getLogger("aw4d")
@@ -105,18 +105,12 @@ def _rendered(
     clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int], read: Sequence[str], wanted: Sequence[str]
 ) -> Iterator[tuple[int, GBuffer, dict[str, NDArray[np.float32]]]]:
     """Number, planes and results of every frame. A frame is begun before the one before it is waited for."""
-
-    def decoded() -> Iterator[tuple[int, GBuffer, GBuffer, Scene]]:
-        for index in chosen:
-            source = clip.frame(index, read)
-            yield index, source, prepare(source, made, index), made.scene(index)
-
     begun: deque[tuple[int, GBuffer, Callable[[], dict[str, NDArray[np.float32]]]]] = deque()
-    for index, source, prepared, scene in ahead(decoded()):
-        begun.append((index, source, begin(backend, prepared, scene, made, wanted)))
+    for index, source in zip(chosen, mapped_ahead(partial(clip.frame, planes=read), chosen), strict=True):
+        begun.append((index, source, begin(backend, source, made, index, wanted)))
         if len(begun) > 1:
-            index, source, wait = begun.popleft()
-            yield index, source, wait()
+            first, source, wait = begun.popleft()
+            yield first, source, wait()
     for index, source, wait in begun:
         yield index, source, wait()
 

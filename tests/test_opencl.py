@@ -8,7 +8,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from aw4d import backend_opencl, doctor, opencl
 from aw4d.backend_numpy import NumpyBackend
 from aw4d.backend_opencl import OpenCLBackend
 from aw4d.errors import InputError
+from aw4d.gbuffer import GBuffer
 from aw4d.ingest import ingest_street
 from aw4d.lights.light import in_camera
 from aw4d.params import FogParams, param
@@ -264,6 +265,21 @@ def test_a_parameter_that_a_pass_does_not_take_is_an_error(backend: NumpyBackend
     planes = backend.upload(source, Scene(lights=in_camera([], source.camera)))
     with pytest.raises(TypeError, match="fog: does not take the parameters smell"):
         backend.run("fog", planes, WiderFogParams(color=(1, 1, 1)))
+
+
+def test_frames_that_are_begun_before_others_are_waited_for_come_out_as_alone(
+    backend: NumpyBackend | OpenCLBackend,
+) -> None:
+    sources = [frame(40, 9, seed=seed) for seed in range(4)]
+
+    def begun(source: GBuffer) -> Callable[[], dict[str, Any]]:
+        planes = backend.upload(source, Scene(lights=in_camera(all_kinds(), source.camera)))
+        backend.run("fog", planes, params())
+        return backend.fetch(planes, ["rgb"])
+
+    alone = [begun(source)()["rgb"] for source in sources]
+    for together, expected in zip([begun(source) for source in sources], alone, strict=True):
+        assert np.array_equal(together()["rgb"], expected)
 
 
 def test_an_argument_that_nothing_gives_is_an_error(backend: NumpyBackend | OpenCLBackend) -> None:

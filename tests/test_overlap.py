@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 
 import pytest
 
-from aw4d.overlap import ahead
+from aw4d.overlap import ahead, mapped_ahead
 
 
 def test_the_same_items_in_the_same_order() -> None:
@@ -59,3 +60,48 @@ def test_a_forgotten_iterator_does_not_make_the_garbage_collector_wait() -> None
     stuck = collector.is_alive()
     may_go_on.set()
     assert not stuck
+
+
+# ---- a function on items ---------------------------------------------------------------------------------------------
+
+
+def test_results_come_in_the_order_of_the_items() -> None:
+    def late(item: int) -> int:
+        time.sleep(0.002 * (item % 3))
+        return item
+
+    assert list(mapped_ahead(late, range(30))) == list(range(30))
+
+
+def test_few_items_are_taken_ahead() -> None:
+    taken = []
+
+    def items() -> Iterator[int]:
+        for item in range(100):
+            taken.append(item)
+            yield item
+
+    results = mapped_ahead(str, items())
+    assert next(results) == "0"
+    assert len(taken) <= 4
+    results.close()
+
+
+def test_an_exception_is_raised_in_its_place() -> None:
+    def broken(item: int) -> int:
+        if item == 2:
+            raise ValueError("two")
+        return item
+
+    results = mapped_ahead(broken, range(9))
+    assert [next(results), next(results)] == [0, 1]
+    with pytest.raises(ValueError, match="two"):
+        next(results)
+
+
+def test_closing_ends_the_threads() -> None:
+    before = threading.active_count()
+    results = mapped_ahead(str, range(100))
+    next(results)
+    results.close()
+    assert threading.active_count() == before

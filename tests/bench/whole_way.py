@@ -15,12 +15,13 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from aw4d.clip import Clip
 from aw4d.colour import encode_srgb8
 from aw4d.io.video import VideoWriter
-from aw4d.overlap import ahead
+from aw4d.overlap import mapped_ahead
 
 BASE = "--only-decode-and-encode"
 
@@ -46,7 +47,7 @@ def only_decode_and_encode(path: Path, out: Path, planes: list[str]) -> None:
     """What an edit cannot do without."""
     clip = Clip(path)
     with VideoWriter(out, fps=clip.info.fps) as writer:
-        for frame in ahead(clip.frame(index, planes) for index in range(len(clip))):
+        for frame in mapped_ahead(partial(clip.frame, planes=planes), range(len(clip))):
             writer.write(encode_srgb8(frame["rgb"]))
 
 
