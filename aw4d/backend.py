@@ -49,6 +49,12 @@ class Backend(Protocol):
         Between the two the backend takes the next frame.
         """
 
+    def finish(self) -> None:
+        """Wait until all that was asked for is done."""
+
+    def scratch(self, name: str, planes: Planes, buffer: str) -> NDArray[np.uint32] | None:
+        """What a pass that has just run left in one of its scratch buffers; None where it has no such buffers."""
+
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes and layers by name, (H, W) or (H, W, 3) float32."""
 

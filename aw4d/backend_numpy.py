@@ -77,6 +77,13 @@ class NumpyBackend:
         found = self.download(planes, names)
         return lambda: found
 
+    def finish(self) -> None:
+        """Nothing is ever left to do."""
+
+    def scratch(self, name: str, planes: Planes, buffer: str) -> NDArray[np.uint32] | None:
+        """Every pass is one function, which shares nothing."""
+        return None
+
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes by name, rounded to float32."""
         assert isinstance(planes, NumpyPlanes)

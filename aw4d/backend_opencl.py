@@ -310,6 +310,15 @@ class OpenCLBackend:
         """Wait until the device has done all that was asked of it."""
         self._queue.finish()
 
+    def scratch(self, name: str, planes: Planes, buffer: str) -> NDArray[np.uint32] | None:
+        """What the stages of a pass that has just run left in a buffer that they share, 32 bits a value."""
+        assert isinstance(planes, OpenCLPlanes)
+        count = own_arguments(name, planes.arguments)[PASSES[name].counts]
+        values = np.empty(PASSES[name].scratch[buffer](planes.shape[0], planes.pitch, count), dtype=np.uint32)
+        if values.size:
+            self._cl.enqueue_copy(self._queue, values, self._pool[buffer])
+        return values
+
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes and layers by name, without their padding, (H, W) or (H, W, 3)."""
         return self.fetch(planes, names)()

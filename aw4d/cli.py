@@ -6,9 +6,10 @@ import json
 import logging
 import sys
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.logging import RichHandler
@@ -17,12 +18,16 @@ from aw4d.cli_bench import bench
 from aw4d.cli_eval import eval_
 from aw4d.console import bar, err_console, out_console, watched
 from aw4d.errors import InputError
+from aw4d.quality import DEFAULT_QUALITY
 from eval.errors import MetricError
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
+    from aw4d.backend import Backend as AnyBackend
+    from aw4d.clip import Clip
     from aw4d.io.source import Source
+    from aw4d.pipeline import Plan
 
 # Every command imports what it runs when it runs, so that none pays for another's libraries.
 app = typer.Typer(
@@ -42,6 +47,7 @@ Weather = Annotated[
     str, typer.Option("--weather", "-w", help="snow, rain, fog, overcast, dawn, dusk, night; or several: rain+night.")
 ]
 Set = Annotated[list[str] | None, typer.Option("--set", help="A parameter: fog.visibility_m=60. Repeatable.")]
+Quality = Annotated[str, typer.Option(help="exact, balanced or fast: error against time.")]
 Frames = Annotated[str | None, typer.Option("--frames", help="A:B as in Python, or one frame.")]
 Json = Annotated[bool, typer.Option("--json", help="JSON instead of a table.")]
 Backend = Annotated[str, typer.Option("--backend", help="auto, opencl or numpy.")]
@@ -201,16 +207,24 @@ def info(clip: ClipPath, as_json: Json = False) -> None:
 def edit(
     clip: ClipPath,
     weather: Weather,
-    out: Annotated[Path, typer.Option("-o", "--out", help="A video (.mp4) or a folder of images.")],
+    out: Annotated[
+        Path | None, typer.Option("-o", "--out", help="A video (.mp4) or a folder of images; optional with --explain.")
+    ] = None,
     set_: Set = None,
+    quality: Quality = DEFAULT_QUALITY,
     frames: Frames = None,
     backend: Backend = "auto",
     device: Device = None,
     kind: Annotated[str, typer.Option("--format", help="Images of a folder: png or exr (scene-linear).")] = "png",
     layers: Annotated[Path | None, typer.Option(help="Folder for the weather's layers, EXR.")] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace what an earlier edit wrote.")] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Say what runs, what is left out and why, times, and errors.")
+    ] = False,
 ) -> None:
     """Change the weather of a clip. A .json beside the output records what made it."""
+    if out is None and (not explain or layers is not None):
+        raise InputError("-o: expected a video (.mp4) or a folder of images to write; only --explain alone needs none")
     from aw4d.age import process_age
     from aw4d.clip import Clip, indices
     from aw4d.output import check_target, write_edit
@@ -218,27 +232,48 @@ def edit(
     from aw4d.render import open_backend
 
     opened = Clip(clip)
-    made = plan(opened, weather, set_ or ())
+    made = plan(opened, weather, set_ or (), quality)
     chosen = indices(frames, len(opened))
-    check_target(out, kind=kind, layer_folder=layers, overwrite=overwrite)
+    if out is not None:
+        check_target(out, kind=kind, layer_folder=layers, overwrite=overwrite)
     for name, reason in made.skipped.items():
         logging.getLogger("aw4d").info("%s is not run: %s", name, reason)
+    runs_on = open_backend(backend, device)
+    explained = _explained(opened, made, runs_on, chosen) if explain else None
+    if out is None:
+        return
     write_edit(
         opened,
         made,
-        open_backend(backend, device),
+        runs_on,
         chosen,
         out,
         kind=kind,
         layer_folder=layers,
+        explained=explained,
         watch=lambda items: watched(items, weather, len(chosen)),
         started=time.perf_counter() - process_age(),
     )
     print(out)
 
 
+def _explained(clip: Clip, made: Plan, backend: AnyBackend, chosen: Sequence[int]) -> dict[str, Any]:
+    from aw4d.explain import explain, show
+
+    found = explain(clip, made, backend, chosen)
+    show(made, found, out_console)
+    return found.to_json()
+
+
 @app.command()
-def compare(clip: ClipPath, weather: Weather, set_: Set = None, frames: Frames = "0:1", as_json: Json = False) -> None:
+def compare(
+    clip: ClipPath,
+    weather: Weather,
+    set_: Set = None,
+    quality: Quality = DEFAULT_QUALITY,
+    frames: Frames = "0:1",
+    as_json: Json = False,
+) -> None:
     """Run the same frames on every device and print how far each pass lies from the NumPy reference."""
     from rich.table import Table
 
@@ -249,7 +284,7 @@ def compare(clip: ClipPath, weather: Weather, set_: Set = None, frames: Frames =
 
     opened = Clip(clip)
     chosen = indices(frames, len(opened))
-    rows = measure(opened, plan(opened, weather, set_ or ()), chosen)
+    rows = measure(opened, plan(opened, weather, set_ or (), quality), chosen)
     if as_json:
         print(json.dumps(to_json(rows, chosen), indent=2))
         return

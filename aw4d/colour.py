@@ -24,6 +24,11 @@ def decode_srgb8(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     return look_up(_TO_LINEAR, image)
 
 
+def srgb_codes(linear: NDArray[np.floating]) -> NDArray[np.float64]:
+    """8-bit codes of scene-linear values clipped to [0, 1], but not rounded, to measure differences in; any shape."""
+    return np.asarray(255 * srgb.linear_to_srgb(np.clip(linear.astype(np.float64), 0.0, 1.0)), dtype=np.float64)
+
+
 def encode_srgb8(linear: NDArray[np.floating]) -> NDArray[np.uint8]:
     """8-bit sRGB of scene-linear values, clipped to [0, 1]; any shape."""
     scaled = np.clip(linear, 0.0, 1.0)

@@ -104,6 +104,7 @@ def sidecar(clip: Clip, made: Plan, *, backend: str, frames: Sequence[int], seco
         "licence": clip.info.licence,
         "approximations": clip.info.approximations,
         "weather": made.weather,
+        "quality": made.quality,
         "passes": [step.name for step in made.steps],
         "skipped": made.skipped,
         "settings": dataclasses.asdict(made.settings),
@@ -200,13 +201,14 @@ def write_edit(
     *,
     kind: str = "png",
     layer_folder: Path | None = None,
+    explained: dict[str, Any] | None = None,
     watch: Callable[[Iterable[Frame]], Iterable[Frame]] = lambda frames: frames,
     started: float | None = None,
 ) -> dict[str, Any]:
     """Edit the chosen frames into `out`, all layers into `layer_folder`, and the sidecar, which is returned.
 
     `watch` sees every frame on its way, to show progress. Its seconds count from `started`, by `time.perf_counter`, or
-    from this call on.
+    from this call on. What `explained` holds goes into the sidecar.
     """
     start = time.perf_counter() if started is None else started
     first: list[float] = []
@@ -220,6 +222,8 @@ def write_edit(
         _write(watch(_noting_first(frames, first)), [sink, *layer_sinks])
         content = sidecar(clip, made, backend=backend.name, frames=chosen, seconds=time.perf_counter() - start)
         content["first_frame_seconds"] = round(first[0] - start, 3)
+        if explained is not None:
+            content["explained"] = explained
         # Before the output takes its place: where there is no room for its sidecar, there is none for the output.
         note.write_text(json.dumps(content, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     return content

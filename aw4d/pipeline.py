@@ -21,6 +21,7 @@ from aw4d.lights.in_air import in_air
 from aw4d.lights.light import Light
 from aw4d.params import AmbientParams, FogParams, Params
 from aw4d.passes import PASSES
+from aw4d.quality import DEFAULT_QUALITY
 from aw4d.scene import Scene
 from aw4d.weathers import WEATHERS, Settings, find, nearest, parts
 from aw4d.weathers import settings as weather_settings
@@ -45,8 +46,8 @@ class Plan:
 
     Parameters
     ----------
-    weather
-        Its name.
+    weather, quality
+        Their names.
     steps
         Passes in order.
     skipped
@@ -60,6 +61,7 @@ class Plan:
     """
 
     weather: str
+    quality: str
     steps: tuple[Step, ...]
     skipped: dict[str, str]
     lighting: Lighting
@@ -82,16 +84,16 @@ class Plan:
         return {layer: n for step in self.steps for layer, n in PASSES[step.name].layers.items()}
 
 
-def plan(clip: Clip, weather: str, assignments: Sequence[str] = ()) -> Plan:
-    """Decide what runs under a weather with `group.field=value` assignments over its own parameters.
+def plan(clip: Clip, weather: str, assignments: Sequence[str] = (), quality: str = DEFAULT_QUALITY) -> Plan:
+    """Decide what runs under a weather with `group.field=value` assignments over its own parameters and a quality's.
 
     Raises
     ------
     InputError
-        The weather or a parameter is unknown or out of range, the clip lacks a plane that a pass reads, or a file of
-        lights, a map or frames are wrong.
+        The weather, the quality or a parameter is unknown or out of range, the clip lacks a plane that a pass reads, or
+        a file of lights, a map or frames are wrong.
     """
-    settings = weather_settings(weather, assignments)
+    settings = weather_settings(weather, assignments, quality)
     _warn_of_unused(weather, assignments)
     lit = lighting(clip, settings)
     settings = _resolved(settings, lit, find(weather).passes)
@@ -106,6 +108,7 @@ def plan(clip: Clip, weather: str, assignments: Sequence[str] = ()) -> Plan:
         steps.append(Step(name=name, params=params))
     return Plan(
         weather=weather,
+        quality=quality,
         steps=tuple(steps),
         skipped=skipped,
         lighting=lit,

@@ -21,6 +21,7 @@ from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
 from aw4d.overlap import mapped_ahead
 from aw4d.pipeline import Plan, before_grading, begin, check_layers, each_light, plan, render
+from aw4d.quality import DEFAULT_QUALITY
 from aw4d.weathers import nearest
 
 log = logging.getLogger("aw4d")
@@ -141,6 +142,7 @@ def edit(
     device: int | None = None,
     frames: Sequence[int] | None = None,
     assignments: Sequence[str] = (),
+    quality: str = DEFAULT_QUALITY,
     layers: Sequence[str] = (),
 ) -> Iterator[Frame]:
     """Edit a clip.
@@ -157,6 +159,8 @@ def edit(
         Indices; all by default. Any subset comes out bit-equal to the same frames of a whole run.
     assignments
         Parameters as `group.field=value`, for example "fog.visibility_m=60".
+    quality
+        "exact", "balanced" or "fast": error against time; see docs/quality.md.
     layers
         Names of the layers wanted beside the picture.
 
@@ -170,6 +174,6 @@ def edit(
     InputError
         Anything asked for does not exist or cannot work; says what.
     """
-    made = plan(clip, weather, assignments)
+    made = plan(clip, weather, assignments, quality)
     chosen = range(len(clip)) if frames is None else frames
     yield from frames_of(clip, made, open_backend(backend, device), chosen, layers)

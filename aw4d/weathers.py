@@ -35,6 +35,7 @@ from aw4d.params import (
     VehicleLightParams,
     WetGroundParams,
 )
+from aw4d.quality import DEFAULT_QUALITY, quality_sets
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -254,15 +255,16 @@ def _made(group: str, given: dict[str, Any]) -> Any:
         raise InputError(f"--set {group}.{error}") from None
 
 
-def settings(weather: str, assignments: Sequence[str] = ()) -> Settings:
-    """All parameters of a weather, with `group.field=value` assignments over its own.
+def settings(weather: str, assignments: Sequence[str] = (), quality: str = DEFAULT_QUALITY) -> Settings:
+    """All parameters of a weather: `group.field=value` assignments over its own, over those of a quality.
 
     Raises
     ------
     InputError
-        The weather or a key is unknown (the nearest is suggested), or a value cannot be read or is out of range.
+        The weather, the quality or a key is unknown (the nearest is suggested), or a value cannot be read or is out of
+        range.
     """
-    preset, given = _assigned(find(weather).sets), _assigned(assignments)
+    preset, given = _assigned((*quality_sets(quality), *find(weather).sets)), _assigned(assignments)
     for (group, name), rival in _RIVALS.items():
         if name in given[group]:
             preset[group].pop(rival, None)

@@ -105,6 +105,7 @@ MISTAKES = {
     "no such frames": (["--frames", "7:9"], ["--frames", "7:9", "0:3"]),
     "frames backwards": (["--frames", "2:1"], ["--frames", "2:1"]),
     "frames in letters": (["--frames", "a:b"], ["--frames", "'a:b'"]),
+    "quality": (["--quality", "best"], ["--quality", "exact, balanced, fast", "'best'"]),
     "backend": (["--backend", "cuda"], ["--backend", "'cuda'"]),
     "device of numpy": (["--device", "0"], ["--device", "numpy"]),
     "format": (["--format", "jpg"], ["--format", "png or exr", "'jpg'"]),
@@ -268,6 +269,24 @@ def test_a_pass_that_would_change_nothing_is_skipped(run: Run, street: Path, tmp
     assert _edit(run, street, clear, "--set", "fog.visibility_m=1e9", "--frames", ":1").code == 0
     thin, none = (read_png(folder / "000000.png").astype(int) for folder in (clear, out))
     assert np.abs(thin - none).max() <= 1
+
+
+def test_explaining_writes_only_what_is_asked_for(run: Run, street: Path, tmp_path: Path) -> None:
+    words = ("edit", street, "--weather", "fog", "--backend", "numpy", "--frames", "1")
+    alone = run("--quiet", *words, "--explain")
+    assert alone.code == 0
+    assert "approximations" in alone.out
+    assert not list(tmp_path.iterdir())
+    assert run("--quiet", *words, "--explain", "-o", tmp_path / "out").code == 0
+    explained = _strict((tmp_path / "out.json").read_text())["explained"]
+    assert explained["frames"] == [1]
+    assert list(explained["ms"]) == [name for name in find("fog").passes if name not in explained["skipped"]]
+    assert {"step", "what", "considered", "evaluated"} == set(explained["counts"][0])
+
+
+@pytest.mark.parametrize("more", [[], ["--explain", "--layers", "layers"]], ids=["nothing", "layers"])
+def test_an_output_is_needed_but_to_explain(run: Run, street: Path, more: list[str]) -> None:
+    _refused(run("--quiet", "edit", street, "--weather", "fog", *more), "-o", "--explain")
 
 
 # ---- pictures ----------------------------------------------------------------------------------------------------
