@@ -176,7 +176,7 @@ class OpenCLBackend:
 
     def _filled(self, name: str, values: NDArray[Any], pool: dict[str, Any]) -> Any:
         """A buffer with an array in it, whatever the passes do meanwhile."""
-        if not values.flags.writeable:
+        if values.size and not values.flags.writeable:
             return self._constant(name, values)
         buffer = self._buffer(name, max(values.nbytes, 4), pool)  # no runtime takes an empty buffer
         if values.nbytes:

@@ -4,6 +4,7 @@ possible."""
 from __future__ import annotations
 
 import dataclasses
+import json
 import os
 import subprocess
 import sys
@@ -241,3 +242,19 @@ def test_a_changed_clip_is_searched_for_lamps_anew(street: Clip, folder: Path) -
     assert street.stamp(PLANES) != before
     street_lamps(street, StreetLampParams(), white_cd_m2=1.0)
     assert len(list(folder.glob("lamps-*"))) == 2
+
+
+def test_an_edit_whose_tables_and_lamps_are_kept_needs_no_scipy(
+    street: Clip, tmp_path: Path, opencl_device: OpenCLBackend
+) -> None:
+    out = tmp_path / "out.mp4"
+    words = ["aw4d", "-q", "edit", str(street.path), "-w", "night", "--overwrite", "-o", str(out)]
+    words += ["--device", str(opencl_device.report.index)]
+    code = f"import sys\nsys.argv = {words!r}\nfrom aw4d.cli import main\ntry:\n    main()\n"
+    code += "except SystemExit as end:\n    assert not end.code\nprint(*sys.modules)"
+    runs = [subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True) for _ in range(2)]
+    assert [run.returncode for run in runs] == [0, 0], runs[0].stderr
+    assert "zarr" in runs[1].stdout.split()
+    assert not {"scipy", "skimage", "matplotlib", "torch"} & set(runs[1].stdout.split())
+    seen = json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
+    assert 0 < seen["first_frame_seconds"] <= seen["seconds"]
