@@ -121,12 +121,10 @@ __kernel void ambient(
         to_world(env_rotation, nx, ny, nz, &Nx, &Ny, &Nz);
         const floatw twice = 2.0f * s.NoV;
         to_world(env_rotation, fma(twice, nx, kx * inv), fma(twice, ny, ky * inv), fma(twice, nz, inv), &X, &Y, &Z);
-        const Corner at = lobe_corner(s.NoV, rough, env_brdf_size);
-        const Quad A = reflection(
-            env_brdf, at, 0, LOBES_F0, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
-        const Quad B = reflection(
-            env_brdf, at, LOBES_F0, LOBES, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
-        const Quad E_sky = bilinear(env_irradiance, octahedral(Nx, Ny, Nz, env_size), 1, 0);
+        const Lobes each = lobes(env_brdf, lobe_corner(s.NoV, rough, env_brdf_size));
+        const Quad A = reflection(&each, 0, LOBES_F0, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
+        const Quad B = reflection(&each, LOBES_F0, LOBES, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
+        const Quad E_sky = bilinear(env_irradiance, octahedral(Nx, Ny, Nz, env_size));
         const floatw shine = specular_occlusion(s.NoV, open, rough), gain = open * M_1_PI_F;
         const floatw cr = clamp(LOADW(albedo + i), 0.0f, 1.0f);
         const floatw cg = clamp(LOADW(albedo + i + plane), 0.0f, 1.0f);
@@ -166,7 +164,7 @@ __kernel void ambient(
         floatw X, Y, Z;
         to_world(env_rotation, kx, (floatw)ky, 1.0f, &X, &Y, &Z);
         const Corner at = octahedral(X, Y, Z, env_backdrop_size);
-        const Quad seen = bilinear(env_backdrop, at, 1, 0);
+        const Quad seen = bilinear(env_backdrop, at);
         r = SELECTW(surface, r, seen.x);
         g = SELECTW(surface, g, seen.y);
         b = SELECTW(surface, b, seen.z);

@@ -21,14 +21,6 @@
 #define GROUND_SLOPE 0.01f
 #define NOTHING 1e6f     /* [m] depth of the sky */
 
-/* PoCL keeps what a kernel holds in memory for every work-item of a group apart, too much for the cache; what a function
- * holds is on the stack. */
-#if W == 1
-#define OUT_OF_LINE static inline
-#else
-#define OUT_OF_LINE __attribute__((noinline)) static
-#endif
-
 /* What stays the same on the whole walk. */
 typedef struct {
     __global const float *pixels, *means;

@@ -20,32 +20,57 @@ typedef struct {
 static inline Corner corner(const floatw x, const floatw y, const int size)
 {
     Corner c;
-    const floatw left = clamp(floor(x), 0.0f, (float)(size - 2));
-    const floatw top = clamp(floor(y), 0.0f, (float)(size - 2));
-    c.fx = x - left;
-    c.fy = y - top;
+    const intw left = clamp(TOINTW(x), (intw)0, (intw)(size - 2)), top = clamp(TOINTW(y), (intw)0, (intw)(size - 2));
+    c.fx = x - FLOATW(left);
+    c.fy = y - FLOATW(top);
     c.row = size;
-    c.at = TOINTW(top) * size + TOINTW(left);
+    c.at = top * size + left;
     return c;
 }
 
-static inline floatw between(const floatw a, const floatw b, const floatw p, const floatw q, const Corner c)
+/* Lookups go from lane to lane: a lane's values lie side by side in the table, and a vector of them takes one load. The
+ * texels left and right are mixed last, when the lanes have been turned into vectors of one value each. */
+typedef struct {
+    float left[4 * W], right[4 * W];
+} Sides;
+
+static inline float8 between8(const float8 a, const float8 b, const float f)
 {
-    const floatw top = fma(c.fx, b - a, a), low = fma(c.fx, q - p, p);
-    return fma(c.fy, low - top, top);
+    return fma((float8)f, b - a, a);
 }
 
-/* Texel `skip` of every `stride` of a table whose texels are four floats; three of them are used. */
-static inline Quad bilinear(__global const float *restrict table, const Corner c, const int stride, const int skip)
+/* Two texels side by side, of four floats each, at f between a row and the next. */
+static inline float8 between_rows(__global const float *restrict p, const int row, const float f)
 {
-    const intw i = c.at * stride + skip;
-    const Quad a = gather(table, i), b = gather(table, i + stride);
-    const Quad p = gather(table, i + c.row * stride), q = gather(table, i + (c.row + 1) * stride);
-    Quad out;
-    out.x = between(a.x, b.x, p.x, q.x, c);
-    out.y = between(a.y, b.y, p.y, q.y, c);
-    out.z = between(a.z, b.z, p.z, q.z, c);
+    return between8(vload8(0, p), vload8(0, p + 4 * row), f);
+}
+
+static inline void set_lane(Sides *s, const int lane, const float8 two)
+{
+    float v[8];
+    vstore8(two, 0, v);
+    vstore4(vload4(0, v), lane, s->left);
+    vstore4(vload4(1, v), lane, s->right);
+}
+
+static inline Quad between_sides(const Sides *s, const floatw f)
+{
+    const Quad a = transposed(s->left), b = transposed(s->right);
+    const Quad out = {fma(f, b.x - a.x, a.x), fma(f, b.y - a.y, a.y), fma(f, b.z - a.z, a.z), 0.0f};
     return out;
+}
+
+/* Table whose texels are four floats; three of them are used. */
+OUT_OF_LINE Quad bilinear(__global const float *restrict table, const Corner c)
+{
+    int at[W];
+    float down[W];
+    Sides s;
+    STOREW(c.at, at);
+    STOREW(c.fy, down);
+    for (int j = 0; j < W; j++)
+        set_lane(&s, j, between_rows(table + 4 * at[j], c.row, down[j]));
+    return between_sides(&s, c.fx);
 }
 
 /* Place of a direction of any length but 0 in an octahedral table. */
@@ -76,35 +101,63 @@ static inline Corner lobe_corner(const floatw NoV, const floatw roughness, const
 }
 
 /* Prefiltered radiance by roughness. */
-static inline Quad prefiltered(
+OUT_OF_LINE Quad prefiltered(
     __global const float *restrict table, const int levels, const int size,
     const floatw dx, const floatw dy, const floatw dz, const floatw roughness)
 {
     const floatw at = roughness * (float)(levels - 1);
-    const floatw level = clamp(floor(at), 0.0f, (float)(levels - 2));
-    const floatw f = at - level;
-    Corner c = octahedral(dx, dy, dz, size);
-    c.at += TOINTW(level) * (size * size);
-    const Quad near = bilinear(table, c, 1, 0);
-    c.at += size * size;
-    const Quad far = bilinear(table, c, 1, 0);
-    Quad out;
-    out.x = fma(f, far.x - near.x, near.x);
-    out.y = fma(f, far.y - near.y, near.y);
-    out.z = fma(f, far.z - near.z, near.z);
+    const intw level = clamp(TOINTW(at), (intw)0, (intw)(levels - 2));
+    const Corner c = octahedral(dx, dy, dz, size);
+    int texel[W];
+    float down[W], rougher[W];
+    Sides s;
+    STOREW(c.at + level * (size * size), texel);
+    STOREW(c.fy, down);
+    STOREW(at - FLOATW(level), rougher);
+    for (int j = 0; j < W; j++) {
+        __global const float *p = table + 4 * texel[j];
+        const float8 near = between_rows(p, size, down[j]), far = between_rows(p + 4 * size * size, size, down[j]);
+        set_lane(&s, j, between8(near, far, rougher[j]));
+    }
+    return between_sides(&s, c.fx);
+}
+
+/* The round lobes of a surface: share, turn and roughness of each. */
+typedef struct {
+    Quad of[LOBES];
+} Lobes;
+
+OUT_OF_LINE Lobes lobes(__global const float *restrict table, const Corner c)
+{
+    int at[W];
+    float right[W], down[W], found[LOBES][4 * W];
+    STOREW(c.at, at);
+    STOREW(c.fx, right);
+    STOREW(c.fy, down);
+    for (int j = 0; j < W; j++) {
+        __global const float *p = table + 4 * LOBES * at[j], *q = p + 4 * LOBES * c.row;
+        const float16 a = vload16(0, p), b = vload16(1, p), d = vload16(0, q), e = vload16(1, q);
+        const float16 left = fma((float16)down[j], d - a, a), other = fma((float16)down[j], e - b, b);
+        float v[4 * LOBES];
+        vstore16(fma((float16)right[j], other - left, left), 0, v);
+        for (int k = 0; k < LOBES; k++)
+            vstore4(vload4(k, v), j, found[k]);
+    }
+    Lobes out;
+    for (int k = 0; k < LOBES; k++)
+        out.of[k] = transposed(found[k]);
     return out;
 }
 
 /* Light of the round lobes from..to-1 that stand for a part of Schlick's Fresnel term, by the mirror direction X, Y, Z and
  * the normal in the world; their share in w. */
 static inline Quad reflection(
-    __global const float *restrict table, const Corner at, const int from, const int to,
-    __global const float *restrict specular, const int levels, const int size,
-    const floatw X, const floatw Y, const floatw Z, const floatw Nx, const floatw Ny, const floatw Nz)
+    const Lobes *lobes, const int from, const int to, __global const float *restrict specular, const int levels,
+    const int size, const floatw X, const floatw Y, const floatw Z, const floatw Nx, const floatw Ny, const floatw Nz)
 {
     Quad out = {0.0f, 0.0f, 0.0f, 0.0f};
     for (int k = from; k < to; k++) {
-        const Quad lobe = bilinear(table, at, LOBES, k);
+        const Quad lobe = lobes->of[k];
         const Quad seen = prefiltered(
             specular, levels, size, fma(lobe.y, Nx - X, X), fma(lobe.y, Ny - Y, Y), fma(lobe.y, Nz - Z, Z), lobe.z);
         out.x = fma(lobe.x, seen.x, out.x);

@@ -40,6 +40,27 @@ static inline floatw atan2_quarter(const floatw y, const floatw x)
     return SELECTW(y > x, M_PI_2_F - a, a);
 }
 
+/* Arc cosine, 0 <= x <= 1; fit of acos(x) / sqrt(1 - x) to 1.5e-8 (relative). */
+static inline floatw acos_quarter(const floatw x)
+{
+    floatw p = fma(x, -1.25345693e-3f, 6.63861869e-3f);
+    p = fma(x, p, -1.70451038e-2f);
+    p = fma(x, p, 3.08627538e-2f);
+    p = fma(x, p, -5.01641898e-2f);
+    p = fma(x, p, 8.89773126e-2f);
+    p = fma(x, p, -0.214598697f);
+    p = fma(x, p, 1.5707963f);
+    const floatw y = 1.0f - x;
+    return sqrt(y) * p;
+}
+
+/* Arc cosine, -1 <= x <= 1. */
+static inline floatw acos_upper(const floatw x)
+{
+    const floatw a = acos_quarter(fabs(x));
+    return SELECTW(x < 0.0f, M_PI_F - a, a);
+}
+
 /* Angle of (x, y) for y >= 0, not both zero: 0 to pi. */
 static inline floatw atan2_upper(const floatw y, const floatw x)
 {
