@@ -49,7 +49,7 @@ class Explanation:
     skipped
         Passes that do not run, with the reason: they would change no bit, or another renderer stands for them.
     counts
-        Of what there is in these frames, what passes work on; the rest changes no bit either.
+        Of what there is in these frames, what passes work on; docs/explain.md says what holds for the rest.
     approximations
         What errs; figures of the worst frame.
     """
@@ -149,7 +149,7 @@ def _passes(explanation: Explanation) -> Table:
 
 
 def _counted(explanation: Explanation) -> Table:
-    table = _table("considered and evaluated; the rest would change no bit", "pass", "what", "considered", "evaluated")
+    table = _table("of all that is there, what is worked on", "pass", "what", "considered", "evaluated")
     for count in explanation.counts:
         share = f" ({count.evaluated / count.considered:.1%})" if count.considered else ""
         table.add_row(count.step, count.what, f"{count.considered:,}", f"{count.evaluated:,}{share}")
