@@ -189,7 +189,7 @@ static inline floatw coverage(
         log_c = SELECTW(T < 0.0625f, log_near_one(-T), log(fmax(one_minus_exp(x, T), 1e-37f)));
     }
     const floatw hidden = exp_negative(gamma * log_c);
-    const intw none = (convention != PAPER) & (height == 0.0f);
+    const intw none = (height == 0.0f) & (convention == PAPER ? 0 : -1); /* all bits: of vectors only the first counts */
     *bare = SELECTW(none, 1.0f, one_minus_exp(-gamma * log_c, hidden));
     return SELECTW(none, 0.0f, hidden);
 }
@@ -325,7 +325,8 @@ __kernel void snow_cover(
 
     floatw bare;
     const floatw covered = stays * coverage(height, cover_cm, gamma, convention, &bare);
-    const floatw left = fma(stays, bare, slips);
+    /* The sum is rounded; what no snow lies on keeps its bits. */
+    const floatw left = SELECTW(covered == 0.0f, 1.0f, fma(stays, bare, slips));
     STOREW(covered, snow_coverage + i);
     STOREW(left, snow_bare + i);
 #ifdef LAYERS
@@ -334,11 +335,11 @@ __kernel void snow_cover(
     tilt(normal + i, plane, covered, sx, sy, sz, grazing2 + 1.0f / (max_slope * max_slope));
 
     const floatw r = LOADW(albedo + i), g = LOADW(albedo + i + plane), b = LOADW(albedo + i + 2 * plane);
-    STOREW(fma(covered, snow_albedo.x - r, r), albedo + i);
-    STOREW(fma(covered, snow_albedo.y - g, g), albedo + i + plane);
-    STOREW(fma(covered, snow_albedo.z - b, b), albedo + i + 2 * plane);
+    STOREW(fma(covered, snow_albedo.x, left * r), albedo + i);
+    STOREW(fma(covered, snow_albedo.y, left * g), albedo + i + plane);
+    STOREW(fma(covered, snow_albedo.z, left * b), albedo + i + 2 * plane);
     const floatw rough = LOADW(roughness + i), metal = LOADW(metallic + i);
-    STOREW(fma(covered, snow_roughness - rough, rough), roughness + i);
+    STOREW(fma(covered, snow_roughness, left * rough), roughness + i);
     STOREW(metal * left, metallic + i);
     if (displacement) {
         const floatw thick = height * stays * (over_steep + up_steep);

@@ -59,7 +59,7 @@ class Mirrored:
         stretch = np.linalg.norm(r, axis=-1)
         S = np.einsum("...c,...c->...", n, r)
         sine = np.clip(-S / stretch, MIN_NOV, 1.0)  # of the angle between surface and ray, before and after
-        cosine = np.maximum(np.sqrt(1 - np.minimum(sine, 1.0) ** 2), MIN_COSINE)
+        cosine = np.maximum(np.sqrt(np.maximum(1 - (S / stretch) ** 2, 0.0)), MIN_COSINE)  # of a back as well
         # Square to the ray, upwards; what lies q above it, in its and n's plane, has p.X - p.P = q.
         p = (n * (stretch**2 - 2 * S**2)[:, None] + S[:, None] * r) / (stretch**2 * cosine)[:, None]
         self.above_ray = Height(p, r, Z0, fx, fy)

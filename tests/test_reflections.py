@@ -22,6 +22,7 @@ from aw4d.scene import Scene
 from aw4d.world import anchor
 from reference_numpy.ambient import ambient
 from reference_numpy.environment import FADING, specular_occlusion
+from reference_numpy.mirrored import Mirrored
 from reference_numpy.reflections import reflections
 from reference_numpy.row_means import BLOCKS, RowMeans
 from tests import lit_inputs
@@ -227,6 +228,22 @@ def test_what_is_all_but_occluded_fades_out() -> None:
     hair = 1e-7
     moved = specular_occlusion(NoV * (1 + hair), occlusion, roughness)
     assert np.all(np.abs(moved - shares)[some] <= 1.01 * hair / FADING * shares[some])
+
+
+def test_heights_above_a_ray_are_metres_also_where_a_surface_is_seen_from_behind() -> None:
+    """A metre along the height's own direction is a metre of height: the direction has length 1."""
+    rng = np.random.default_rng(0)
+    normal = rng.normal(size=(1000, 3))
+    u, v = rng.integers(0, 640, 1000), rng.integers(0, 352, 1000)
+    ray = Mirrored(
+        u, v, np.full(1000, 7.0), normal, np.full(1000, 0.1), 500.0, 480.0, 320.0, 176.0, np.array([0, -1, 0])
+    )
+    r = np.stack([(u - 320) / 500, (v - 176) / 480, np.ones(1000)], axis=-1)
+    off_axis = np.abs(np.einsum("nc,nc->n", ray.n, -ray.view)) < 0.99
+    height = ray.above_ray
+    x, y = height.by_u * 500, height.by_v * 480
+    z = height.at - x * r[:, 0] - y * r[:, 1]
+    assert np.allclose(np.sqrt(x**2 + y**2 + z**2)[off_axis], 1, rtol=1e-9)
 
 
 def test_means_of_rows() -> None:

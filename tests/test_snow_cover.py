@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from aw4d import street
 from aw4d.camera import Camera
+from aw4d.compare import BAR_P9999, error
 from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
 from aw4d.params import SnowCoverParams
@@ -447,6 +448,22 @@ def test_nothing_else_changes_a_bit(opencl_backend: OpenCLBackend) -> None:
     for name in ("albedo", "normal", "roughness", "metallic"):
         assert np.array_equal(found[name][bare], source[name][bare]), name
     assert np.array_equal(found["depth"], source["depth"])
+
+
+def test_no_snow_hides_nothing_to_the_last_bit(opencl_backend: OpenCLBackend) -> None:
+    source, p = frame(37, 13), SnowCoverParams(depth_cm=0.0)
+    found = on(opencl_backend, source, scene(driving(source=source), 0, p), p)
+    assert (found["snow_coverage"] == 0).all()
+    assert (found["snow_bare"] == 1).all()
+
+
+def test_what_deep_snow_of_nothing_leaves_keeps_its_digits(opencl_backend: OpenCLBackend) -> None:
+    """Snow without colour or roughness: all that is left of a surface is what the snow leaves bare of it."""
+    source, p = frame(37, 13), SnowCoverParams(snow_roughness=0.0, snow_albedo=(0.0, 0.0, 0.0))
+    held = scene(driving(source=source), 0, p)
+    truth, found = reference(source, held, p), on(opencl_backend, source, held, p)
+    for name in ("albedo", "roughness"):
+        assert error(found[name], truth[name])[0] <= BAR_P9999, name
 
 
 # ---- parameters
