@@ -44,8 +44,8 @@ def _opencl_configurations() -> list[tuple[int, int]]:
     return [(r.index, width) for r in usable for width in (opencl.WIDTHS if r.kind == "cpu" else (1,))]
 
 
-def _need_device(request: pytest.FixtureRequest) -> None:
-    if request.param is None:
+def _need_device(found: object) -> None:
+    if found is None:
         if os.environ.get("AW4D_REQUIRE_CL"):
             pytest.fail("AW4D_REQUIRE_CL is set, but no OpenCL device builds and runs a kernel (see `aw4d doctor`)")
         pytest.skip("no OpenCL device builds and runs a kernel (see `aw4d doctor`)")
@@ -66,7 +66,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 @pytest.fixture(scope="session")
 def opencl_backend(request: pytest.FixtureRequest) -> OpenCLBackend:
     """An OpenCL backend; once for every usable device and every width."""
-    _need_device(request)
+    _need_device(request.param)
     from aw4d.backend_opencl import OpenCLBackend
 
     return OpenCLBackend(*request.param)
@@ -75,10 +75,20 @@ def opencl_backend(request: pytest.FixtureRequest) -> OpenCLBackend:
 @pytest.fixture(scope="session")
 def opencl_device(request: pytest.FixtureRequest) -> OpenCLBackend:
     """An OpenCL backend at the device's widest; once for every usable device."""
-    _need_device(request)
+    _need_device(request.param)
     from aw4d.backend_opencl import OpenCLBackend
 
     return OpenCLBackend(*request.param)
+
+
+@pytest.fixture(scope="session")
+def opencl_backends() -> dict[str, OpenCLBackend]:
+    """All of them at once, by name: for tests whose reference takes longer than the kernels."""
+    found = _opencl_configurations()
+    _need_device(found or None)
+    from aw4d.backend_opencl import OpenCLBackend
+
+    return {backend.name: backend for backend in (OpenCLBackend(*configuration) for configuration in found)}
 
 
 @pytest.fixture(scope="session")

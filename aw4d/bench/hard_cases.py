@@ -191,7 +191,7 @@ def _place() -> list[Case]:
 def _time() -> list[Case]:
     steps = ("ripples", *FALLING)
     return [
-        Case(family="time", name=f"{time:g} s", steps=steps, scenery=Scenery(time=time))
+        Case(family="time", name=f"{time:,} s", steps=steps, scenery=Scenery(time=time))
         for time in (0.0, 1e6, 1e6 + 0.1)
     ]
 
