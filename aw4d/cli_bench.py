@@ -15,7 +15,7 @@ def bench(
         list[Path] | None, typer.Option(help="A clip to measure on, beside the built-in street. Repeatable.")
     ] = None,
     json_file: Annotated[Path | None, typer.Option("--json", help="Everything.")] = None,
-    plots: Annotated[Path | None, typer.Option(help="Folder for bench_*.png.")] = None,
+    plots: Annotated[Path | None, typer.Option(help="Folder for bench_*.png, or hard_cases.png.")] = None,
     markdown: Annotated[Path | None, typer.Option(help="The tables, as Markdown.")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="Tiny pictures and few runs: whether it works.")] = False,
     hard: Annotated[bool, typer.Option("--hard", help="Hard cases: error against bound, and exit.")] = False,
@@ -25,6 +25,10 @@ def bench(
         from aw4d.bench.hard import report
 
         report(out_console)
+        if plots is not None:
+            from aw4d.bench.hard_sweeps import draw_sweeps
+
+            draw_sweeps(plots / "hard_cases.png")
         return
     from aw4d.bench.run import run_bench
 

@@ -191,6 +191,17 @@ def measure(backends: Mapping[str, Backend], steps: Iterable[str] = PASSES) -> I
                     yield worst(exact, on_device(exact.trial, backend), case, device)
 
 
+def devices() -> dict[str, Backend]:
+    """Every usable OpenCL device by name.
+
+    Raises
+    ------
+    InputError
+        No OpenCL runtime can be loaded.
+    """
+    return {report.label: OpenCLBackend(report.index) for report in opencl.devices() if report.usable}
+
+
 def report(console: Console) -> list[HardCase]:
     """Run the hard cases on every usable OpenCL device, print the worst of every pass and family, and return them all.
 
@@ -199,7 +210,7 @@ def report(console: Console) -> list[HardCase]:
     InputError
         No OpenCL runtime can be loaded.
     """
-    backends: dict[str, Backend] = {r.label: OpenCLBackend(r.index) for r in opencl.devices() if r.usable}
+    backends = devices()
     found = list(measure(backends))
     console.print(table(found))
     outside = [row for row in found if not row.within]
