@@ -201,7 +201,7 @@ PASSES: dict[str, Pass] = {
         writes=("rgb",),
         optional=("emissive", "puddle", "wetness", "occlusion"),
         layers={"reflection": 3},
-        stages=(Stage(kernel="reflections_pixels"), Stage(kernel="reflections")),
+        stages=(Stage(kernel="reflections_pixels", over="strips"), Stage(kernel="reflections")),
         scratch={
             "reflection_pixels": lambda height, pitch, lights: 4 * height * (pitch + TILE),
             "reflection_means": lambda height, pitch, lights: 4 * (pitch + TILE) * sum(-(-height // n) for n in BLOCKS),

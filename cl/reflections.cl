@@ -115,7 +115,7 @@ static inline void write_row(__global float *restrict to, const floatw x, const 
         to[W] = LAST(x);
 }
 
-/* A work-item keeps a vector of as many rows as the largest block has, so that most have none. */
+/* A work-item keeps a vector of as many rows as the largest block has, more than a strip, so that a few have none. */
 __kernel void reflections_pixels(
     __global float *restrict reflection_pixels,
     __global float *restrict reflection_means,
