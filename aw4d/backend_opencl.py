@@ -287,7 +287,8 @@ class OpenCLBackend:
         if stage.over == "one":
             return (1, 1), (1, 1)
         if stage.over == "groups":
-            return (GROUP_ITEMS, min(GROUPS, height)), (GROUP_ITEMS, 1)
+            items = 1 if self.report.kind == "cpu" else GROUP_ITEMS
+            return (items, min(GROUPS, height)), (items, 1)
         if stage.over == "tiles":
             return (-(-width // TILE), -(-height // TILE)), None
         if stage.over == "particles":

@@ -230,7 +230,7 @@ PASSES: dict[str, Pass] = {
             Stage(kernel="night_grade_select_middle", over="one"),
             Stage(kernel="night_grade_count_low", over="groups"),
             Stage(kernel="night_grade_select_low", over="one"),
-            Stage(kernel="night_grade_dilate_down"),
+            Stage(kernel="night_grade_dilate_down", over="strips"),
             Stage(kernel="night_grade_dilate_across"),
             Stage(kernel="night_grade_blur_down"),
             Stage(kernel="night_grade"),

@@ -66,6 +66,12 @@ static inline int wide_row(const int y, const int height, const int pitch)
                 row[width + k] = row[width - 1]; \
     }
 
+#if W == 1
+#define MASKW(c) ((uchar)(c)) /* a comparison as bytes of 0 and 1 */
+#else
+#define MASKW(c) JOIN(convert_uchar, W)((c) & 1)
+#endif
+
 /* Blank bins, the rank to find, the taps of the blur. */
 __kernel void night_grade_prepare(
     __global int *grade_bins,
@@ -93,6 +99,16 @@ __kernel void night_grade_prepare(
         grade_taps[k] /= sum;
 }
 
+/* One more in a bin, or a few. A group of a single work-item, as CPUs have them, needs no atomic, which takes as long as
+ * twenty additions. */
+static inline void add_to(__local int *bin, const int more)
+{
+    if (get_local_size(0) == 1)
+        *bin += more;
+    else
+        atomic_add(bin, more);
+}
+
 /* Counts one digit of the luminances that have the digits found so far. */
 static inline void count(
     __global const float *grade_grey,
@@ -117,11 +133,11 @@ static inline void count(
             if (!ANYW(sought))
                 continue;
             if (x + W <= width && !ANYW(LOADW(bits) >> lowest != first))
-                atomic_add(bins + (first & (digits - 1)), W);
+                add_to(bins + (first & (digits - 1)), W);
             else
                 for (int j = 0; j < min(W, width - x); j++)
                     if (bits[j] >> (lowest + size) == prefix)
-                        atomic_inc(bins + ((bits[j] >> lowest) & (digits - 1)));
+                        add_to(bins + ((bits[j] >> lowest) & (digits - 1)), 1);
         }
     barrier(CLK_LOCAL_MEM_FENCE);
     for (int k = get_local_id(0); k < digits; k += get_local_size(0))
@@ -226,7 +242,8 @@ __kernel void night_grade_select_low(
     *grade_gain = (0.98f - 0.20f * strength) * clamp(0.22f / (L + 1e-6f), 0.6f, 1.6f);
 }
 
-/* Whether there is sky up to so many rows above or below. */
+/* Whether there is sky up to so many rows above or below, in the rows of a strip: by how many rows ago there was, on the way
+ * down and on the way up. */
 __kernel void night_grade_dilate_down(
     __global const uchar *sky,
     __global uchar *grade_seen,
@@ -239,13 +256,23 @@ __kernel void night_grade_dilate_down(
 {
     if (!SKY_IS_WANTED)
         return;
-    const int x = W * get_global_id(0), y = get_global_id(1);
+    const int x = W * get_global_id(0), top = TILE * get_global_id(1), end = min(top + TILE, height);
     const int reach = dilation(sky_dilate_px, rows_of(height, convention));
-    __global uchar *row = grade_seen + wide_row(y, height, pitch);
-    ucharw seen = 0;
-    for (int k = max(y - reach, 0); k <= min(y + reach, height - 1); k++)
-        seen |= LOADW(sky + k * pitch + x);
-    STORE_WIDE(seen, row, x, width, reach);
+    intw above[TILE], ago = reach + 1;
+    for (int y = max(top - reach, 0); y < end; y++) {
+        ago = select(ago + 1, (intw)0, LOADMASKW(sky + y * pitch + x));
+        if (y >= top)
+            above[y - top] = ago;
+    }
+    ago = reach + 1;
+    for (int y = min(end - 1 + reach, height - 1); y >= top; y--) {
+        ago = select(ago + 1, (intw)0, LOADMASKW(sky + y * pitch + x));
+        if (y < end) {
+            const ucharw seen = MASKW(min(ago, above[y - top]) <= reach);
+            __global uchar *row = grade_seen + wide_row(y, height, pitch);
+            STORE_WIDE(seen, row, x, width, reach);
+        }
+    }
 }
 
 __kernel void night_grade_dilate_across(
@@ -308,6 +335,21 @@ static inline floatw grade(const floatw light, const float gain, const float fac
     return srgb_decode(fmin(factor * (convention == PAPER ? fmin(code, 1.0f) : code), 1.0f));
 }
 
+/* Mean of a row around W pixels; of what is the same all around, that. */
+OUT_OF_LINE floatw blurred(__global const float *row, __global const float *taps, const int reach)
+{
+    const floatw here = LOADW(row), first = *row;
+    intw differs = LOADW(row + reach) != first;
+    for (int k = -reach; k < reach; k += W)
+        differs |= LOADW(row + k) != first;
+    if (!ANYW(differs))
+        return first;
+    floatw sum = taps[0] * here;
+    for (int k = 1; k <= reach; k++)
+        sum = fma(taps[k], LOADW(row - k) + LOADW(row + k), sum);
+    return sum;
+}
+
 /* The blur across, and the grade of what the blur has weighted. */
 __kernel void night_grade(
     __global float *rgb,
@@ -330,9 +372,7 @@ __kernel void night_grade(
     if (SKY_IS_WANTED) {
         const int reach = blur_reach(sky_blur_px, rows_of(height, convention));
         __global const float *row = grade_wide + wide_row(y, height, pitch) + x;
-        floatw weight = grade_taps[0] * LOADW(row);
-        for (int k = 1; k <= reach; k++)
-            weight = fma(grade_taps[k], LOADW(row - k) + LOADW(row + k), weight);
+        const floatw weight = blurred(row, grade_taps, reach);
         keep = fma(sky_factor - 1.0f, fmin(weight, 1.0f), 1.0f); /* rounding may bring the sum above 1 */
 #ifdef LAYERS
         STOREW(weight, sky_weight + i);

@@ -227,8 +227,15 @@ OUT_OF_LINE Things things(
     const Pair z = pick(k->pixels + (k->v - rows) * k->row, f.x, f.together);
     const floatw columns = FLOATW(f.x) - m->u;
     const Sharp over = slope(&m->over, columns, (float)rows), above = slope(&m->above, columns, (float)rows);
+    const Sharp over_r = next_slope(&m->over, over);
+    /* Most rows show nothing but ground, lower than what may cover. */
+    const intw low_l = (z.left >= m->Z0) & (height(&m->over, over, z.left) <= GROUND_M);
+    const intw low_r = (z.right >= m->Z0) & (height(&m->over, over_r, z.right) <= GROUND_M);
+    if (!ANYW(asked & !(low_l & low_r)))
+        return f;
+
     const Seen l = seen(k, m, z.left, over, above);
-    const Seen r = seen(k, m, z.right, next_slope(&m->over, over), next_slope(&m->above, above));
+    const Seen r = seen(k, m, z.right, over_r, next_slope(&m->above, above));
     const intw before = asked & (may_hide(l.ahead) | may_hide(r.ahead));
     /* The smooth ramp of s is more than y only if s is more than min(y, (4 y + 1) / 6). */
     const floatw y = fma(passed, 1.0f - m->below, m->below);

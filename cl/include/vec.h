@@ -94,3 +94,11 @@ static inline floatw rsqrt_by_steps(const floatw x)
 }
 #define RSQRTW(x) rsqrt_by_steps(x)
 #endif
+
+/* For functions with loops: what a kernel holds across one PoCL keeps in memory for every work-item of a group apart, more
+ * than the cache; what a function holds is on the stack. */
+#if W == 1
+#define OUT_OF_LINE static inline
+#else
+#define OUT_OF_LINE __attribute__((noinline)) static
+#endif
