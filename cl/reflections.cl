@@ -229,9 +229,9 @@ OUT_OF_LINE Things things(
     const Sharp over = slope(&m->over, columns, (float)rows), above = slope(&m->above, columns, (float)rows);
     const Sharp over_r = next_slope(&m->over, over);
     /* Most rows show nothing but ground, lower than what may cover. */
-    const intw low_l = (z.left >= m->Z0) & (height(&m->over, over, z.left) <= GROUND_M);
-    const intw low_r = (z.right >= m->Z0) & (height(&m->over, over_r, z.right) <= GROUND_M);
-    if (!ANYW(asked & !(low_l & low_r)))
+    const intw rises_l = (z.left < m->Z0) | (height(&m->over, over, z.left) > GROUND_M);
+    const intw rises_r = (z.right < m->Z0) | (height(&m->over, over_r, z.right) > GROUND_M);
+    if (!ANYW(asked & (rises_l | rises_r)))
         return f;
 
     const Seen l = seen(k, m, z.left, over, above);
@@ -405,6 +405,117 @@ static inline void mean_lobe(
     *roughness = LOADW(found[3]) * inv;
 }
 
+/* What the kernel is given; its body is out of line. */
+typedef struct {
+    __global float *rgb;                                /* scene-linear */
+    __global const float *reflection_pixels;
+    __global const float *reflection_means;
+    __global const float *depth;                        /* [m] */
+    __global const float *normal;
+    __global const float *albedo;
+    __global const float *roughness;
+    __global const float *metallic;
+    __global const uchar *sky;
+    __global const float *puddle;
+    __global const float *wetness;
+    __global const float *occlusion;
+#ifdef LAYERS
+    __global float *reflection;
+#endif
+    int width, height;                                  /* [px] */
+    int pitch;                                          /* [px] row length, a multiple of W */
+    int plane;                                          /* [px] distance between the planes of one image */
+    float fx, fy, cx, cy;                               /* [px] */
+    __global const float *up;                           /* the world's, camera frame */
+    __global const float *env_rotation;                 /* camera to world */
+    __global const float *env_specular;
+    __global const float *env_brdf;
+    int env_levels, env_size, env_brdf_size;
+    int steps;
+    float reach_m;                                      /* [m] */
+    float thickness_m;                                  /* [m] */
+    float max_roughness;
+} Frame;
+
+/* Adds what the pixels (u0 to u0 + W - 1, v) mirror. */
+OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
+{
+    const int i = v * f->pitch + u0;
+#ifdef LAYERS
+    STOREW((floatw)0.0f, f->reflection + i);
+    STOREW((floatw)0.0f, f->reflection + i + f->plane);
+    STOREW((floatw)0.0f, f->reflection + i + 2 * f->plane);
+#endif
+    const floatw wet = ramp(fmax(LOADW(f->puddle + i), LOADW(f->wetness + i)) * (1.0f / WET));
+    if (!ANYW(wet > 0.0f))
+        return;
+    const floatw rough = LOADW(f->roughness + i);
+    const intw on = (wet > 0.0f) & (rough < f->max_roughness) & !LOADMASKW(f->sky + i);
+    if (!ANYW(on))
+        return;
+
+    const floatw n0 = LOADW(f->normal + i), n1 = LOADW(f->normal + i + f->plane), n2 = LOADW(f->normal + i + 2 * f->plane);
+    const intw whole = fma(n0, n0, fma(n1, n1, n2 * n2)) > 1e-12f;
+    const floatw nx = SELECTW(whole, n0, 0.0f), ny = SELECTW(whole, n1, 0.0f), nz = SELECTW(whole, n2, -1.0f);
+    const float3 upward = vload3(0, f->up);
+    const floatw u = (float)u0 + LANES;
+    Mirrored m = mirrored(
+        nx, ny, nz, fmin(LOADW(f->depth + i), NOTHING), u, (float)v, rough, f->fx, f->fy, f->cx, f->cy, upward,
+        bound_of_rays(f->width, f->height, f->fx, f->fy, f->cx, f->cy));
+    const floatw weight = wet * smooth_ramp((f->max_roughness - rough) / (SMOOTH * f->max_roughness)) * m.fit;
+    m.on = on & (weight > 0.0f);
+    Walk k;
+    k.pixels = f->reflection_pixels;
+    k.means = f->reflection_means;
+    k.width = f->width;
+    k.height = f->height;
+    k.row = f->pitch + TILE;
+    k.apart = f->height * k.row;
+    k.v = v;
+    k.inv_fy = 1.0f / f->fy;
+    k.inv_edge_u = 1.0f / (EDGE * f->width);
+    k.inv_edge_v = 1.0f / (EDGE * f->height);
+    k.reach_m = f->reach_m;
+    k.inv_reach_fade = 1.0f / (FADE * f->reach_m);
+    k.thickness_m = f->thickness_m;
+    const Sums s = walk(&k, &m, f->steps);
+    const intw changed = m.on & (s.own > 0.0f);
+#ifndef LAYERS
+    if (!ANYW(changed))
+        return;
+#endif
+
+    const floatw cr = clamp(LOADW(f->albedo + i), 0.0f, 1.0f);
+    const floatw cg = clamp(LOADW(f->albedo + i + f->plane), 0.0f, 1.0f);
+    const floatw cb = clamp(LOADW(f->albedo + i + 2 * f->plane), 0.0f, 1.0f);
+    const floatw metal = LOADW(f->metallic + i);
+    const floatw fr = fma(cr - DIELECTRIC_F0, metal, DIELECTRIC_F0);
+    const floatw fg = fma(cg - DIELECTRIC_F0, metal, DIELECTRIC_F0);
+    const floatw fb = fma(cb - DIELECTRIC_F0, metal, DIELECTRIC_F0);
+    floatw A, B, turn, lobe_rough, X, Y, Z;
+    mean_lobe(
+        f->env_brdf, lobe_corner(m.NoV, rough, f->env_brdf_size), (fr + fg + fb) * (1.0f / 3.0f),
+        &A, &B, &turn, &lobe_rough);
+    const floatw unit = 1.0f / sqrt(fma(nx, nx, fma(ny, ny, nz * nz))), to_n = fma(1.0f - turn, 2.0f * m.NoV, turn) * unit;
+    const floatw kx = (u - f->cx) / f->fx;
+    const float ky = ((float)v - f->cy) / f->fy;
+    const floatw ahead = (1.0f - turn) / sqrt(fma(kx, kx, fma(ky, ky, 1.0f)));
+    to_world(f->env_rotation, fma(to_n, nx, ahead * kx), fma(to_n, ny, ahead * ky), fma(to_n, nz, ahead), &X, &Y, &Z);
+    const Quad around = prefiltered(f->env_specular, f->env_levels, f->env_size, X, Y, Z, lobe_rough);
+    const floatw open = specular_occlusion(m.NoV, LOADW(f->occlusion + i), rough), taken = s.own * open;
+    const floatw by_r = weight * fma(fr, A, B), by_g = weight * fma(fg, A, B), by_b = weight * fma(fb, A, B);
+    const floatw r = LOADW(f->rgb + i), g = LOADW(f->rgb + i + f->plane), b = LOADW(f->rgb + i + 2 * f->plane);
+    STOREW(SELECTW(changed, fmax(fma(by_r, fma(-taken, around.x, s.r), r), 0.0f), r), f->rgb + i);
+    STOREW(SELECTW(changed, fmax(fma(by_g, fma(-taken, around.y, s.g), g), 0.0f), g), f->rgb + i + f->plane);
+    STOREW(SELECTW(changed, fmax(fma(by_b, fma(-taken, around.z, s.b), b), 0.0f), b), f->rgb + i + 2 * f->plane);
+#ifdef LAYERS
+    const floatw left = open - taken;
+    STOREW(SELECTW(m.on, by_r * fma(left, around.x, s.r), 0.0f), f->reflection + i);
+    STOREW(SELECTW(m.on, by_g * fma(left, around.y, s.g), 0.0f), f->reflection + i + f->plane);
+    STOREW(SELECTW(m.on, by_b * fma(left, around.z, s.b), 0.0f), f->reflection + i + 2 * f->plane);
+#endif
+}
+
 __kernel void reflections(
     __global float *restrict rgb,                       /* scene-linear */
     __global const float *restrict reflection_pixels,
@@ -435,77 +546,13 @@ __kernel void reflections(
     const float thickness_m,                            /* [m] */
     const float max_roughness)
 {
-    const int u0 = get_global_id(0) * W, v = get_global_id(1), i = v * pitch + u0;
+    const Frame f = {
+        rgb, reflection_pixels, reflection_means, depth, normal, albedo, roughness, metallic, sky, puddle, wetness,
+        occlusion,
 #ifdef LAYERS
-    STOREW((floatw)0.0f, reflection + i);
-    STOREW((floatw)0.0f, reflection + i + plane);
-    STOREW((floatw)0.0f, reflection + i + 2 * plane);
+        reflection,
 #endif
-    const floatw wet = ramp(fmax(LOADW(puddle + i), LOADW(wetness + i)) * (1.0f / WET));
-    if (!ANYW(wet > 0.0f))
-        return;
-    const floatw rough = LOADW(roughness + i);
-    const intw on = (wet > 0.0f) & (rough < max_roughness) & !LOADMASKW(sky + i);
-    if (!ANYW(on))
-        return;
-
-    const floatw n0 = LOADW(normal + i), n1 = LOADW(normal + i + plane), n2 = LOADW(normal + i + 2 * plane);
-    const intw whole = fma(n0, n0, fma(n1, n1, n2 * n2)) > 1e-12f;
-    const floatw nx = SELECTW(whole, n0, 0.0f), ny = SELECTW(whole, n1, 0.0f), nz = SELECTW(whole, n2, -1.0f);
-    const float3 upward = vload3(0, up);
-    const floatw u = (float)u0 + LANES;
-    Mirrored m = mirrored(
-        nx, ny, nz, fmin(LOADW(depth + i), NOTHING), u, (float)v, rough, fx, fy, cx, cy, upward,
-        bound_of_rays(width, height, fx, fy, cx, cy));
-    const floatw weight = wet * smooth_ramp((max_roughness - rough) / (SMOOTH * max_roughness)) * m.fit;
-    m.on = on & (weight > 0.0f);
-    Walk k;
-    k.pixels = reflection_pixels;
-    k.means = reflection_means;
-    k.width = width;
-    k.height = height;
-    k.row = pitch + TILE;
-    k.apart = height * k.row;
-    k.v = v;
-    k.inv_fy = 1.0f / fy;
-    k.inv_edge_u = 1.0f / (EDGE * width);
-    k.inv_edge_v = 1.0f / (EDGE * height);
-    k.reach_m = reach_m;
-    k.inv_reach_fade = 1.0f / (FADE * reach_m);
-    k.thickness_m = thickness_m;
-    const Sums s = walk(&k, &m, steps);
-    const intw changed = m.on & (s.own > 0.0f);
-#ifndef LAYERS
-    if (!ANYW(changed))
-        return;
-#endif
-
-    const floatw cr = clamp(LOADW(albedo + i), 0.0f, 1.0f);
-    const floatw cg = clamp(LOADW(albedo + i + plane), 0.0f, 1.0f);
-    const floatw cb = clamp(LOADW(albedo + i + 2 * plane), 0.0f, 1.0f);
-    const floatw metal = LOADW(metallic + i);
-    const floatw fr = fma(cr - DIELECTRIC_F0, metal, DIELECTRIC_F0);
-    const floatw fg = fma(cg - DIELECTRIC_F0, metal, DIELECTRIC_F0);
-    const floatw fb = fma(cb - DIELECTRIC_F0, metal, DIELECTRIC_F0);
-    floatw A, B, turn, lobe_rough, X, Y, Z;
-    mean_lobe(
-        env_brdf, lobe_corner(m.NoV, rough, env_brdf_size), (fr + fg + fb) * (1.0f / 3.0f), &A, &B, &turn, &lobe_rough);
-    const floatw unit = 1.0f / sqrt(fma(nx, nx, fma(ny, ny, nz * nz))), to_n = fma(1.0f - turn, 2.0f * m.NoV, turn) * unit;
-    const floatw kx = (u - cx) / fx;
-    const float ky = ((float)v - cy) / fy;
-    const floatw ahead = (1.0f - turn) / sqrt(fma(kx, kx, fma(ky, ky, 1.0f)));
-    to_world(env_rotation, fma(to_n, nx, ahead * kx), fma(to_n, ny, ahead * ky), fma(to_n, nz, ahead), &X, &Y, &Z);
-    const Quad around = prefiltered(env_specular, env_levels, env_size, X, Y, Z, lobe_rough);
-    const floatw open = specular_occlusion(m.NoV, LOADW(occlusion + i), rough), taken = s.own * open;
-    const floatw by_r = weight * fma(fr, A, B), by_g = weight * fma(fg, A, B), by_b = weight * fma(fb, A, B);
-    const floatw r = LOADW(rgb + i), g = LOADW(rgb + i + plane), b = LOADW(rgb + i + 2 * plane);
-    STOREW(SELECTW(changed, fmax(fma(by_r, fma(-taken, around.x, s.r), r), 0.0f), r), rgb + i);
-    STOREW(SELECTW(changed, fmax(fma(by_g, fma(-taken, around.y, s.g), g), 0.0f), g), rgb + i + plane);
-    STOREW(SELECTW(changed, fmax(fma(by_b, fma(-taken, around.z, s.b), b), 0.0f), b), rgb + i + 2 * plane);
-#ifdef LAYERS
-    const floatw left = open - taken;
-    STOREW(SELECTW(m.on, by_r * fma(left, around.x, s.r), 0.0f), reflection + i);
-    STOREW(SELECTW(m.on, by_g * fma(left, around.y, s.g), 0.0f), reflection + i + plane);
-    STOREW(SELECTW(m.on, by_b * fma(left, around.z, s.b), 0.0f), reflection + i + 2 * plane);
-#endif
+        width, height, pitch, plane, fx, fy, cx, cy, up, env_rotation, env_specular, env_brdf, env_levels, env_size,
+        env_brdf_size, steps, reach_m, thickness_m, max_roughness};
+    mirror(&f, get_global_id(0) * W, get_global_id(1));
 }
