@@ -129,7 +129,8 @@ class OpenCLBackend:
         self._uploads = self._cl.CommandQueue(self._context)
         self._sets = (_Set(), _Set())  # one is filled with a frame while passes work on the other
         self._constants: dict[str, tuple[NDArray[Any], Any]] = {}
-        self._kernels: dict[tuple[str, bool], Future[list[Kernel]]] = {}
+        self._kernels: dict[tuple[str, bool], list[Kernel]] = {}
+        self._begun: dict[tuple[str, bool], Future[list[Kernel]]] = {}
         self._builders = ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="build")
         self._pool: dict[str, Any] = {}
 
@@ -224,12 +225,16 @@ class OpenCLBackend:
     def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
         """Start to build the kernels of the passes, side by side."""
         for name in names:
-            self._start(name, not PASSES[name].layers.keys().isdisjoint(layers))
+            key = (name, not PASSES[name].layers.keys().isdisjoint(layers))
+            if key not in self._kernels and key not in self._begun:
+                self._begun[key] = self._builders.submit(self._build, *key)
 
-    def _start(self, name: str, layers: bool) -> Future[list[Kernel]]:
+    def _built(self, name: str, layers: bool) -> list[Kernel]:
+        """Kernels of a pass; what nobody has begun is built here: Oclgrind's compiler crashes in another thread."""
         key = (name, layers)
         if key not in self._kernels:
-            self._kernels[key] = self._builders.submit(self._build, name, layers)
+            begun = self._begun.pop(key, None)
+            self._kernels[key] = self._build(name, layers) if begun is None else begun.result()
         return self._kernels[key]
 
     def _build(self, name: str, layers: bool) -> list[Kernel]:
@@ -253,7 +258,7 @@ class OpenCLBackend:
         """
         assert isinstance(planes, OpenCLPlanes)
         wanted_layers = PASSES[name].layers if planes.layers & PASSES[name].layers.keys() else {}
-        kernels = self._start(name, bool(wanted_layers)).result()
+        kernels = self._built(name, bool(wanted_layers))
         new = {plane: WORKING[plane] for plane in PASSES[name].writes if plane not in planes.buffers}
         for plane, channels in (wanted_layers | new).items():
             planes.buffers[plane] = self._buffer(plane, 4 * channels * planes.plane)
