@@ -222,6 +222,20 @@ class OpenCLBackend:
         assert isinstance(planes, OpenCLPlanes)
         planes.buffers[name] = self._to_device(name, _planar(values, planes.pitch))
 
+    def keep(self, planes: OpenCLPlanes, names: Sequence[str]) -> dict[str, Any]:
+        """Copies of planes on the device, those that are there, for `restore`."""
+        kept = {}
+        for name in planes.buffers.keys() & set(names):
+            kept[name] = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, planes.buffers[name].size)
+            self._cl.enqueue_copy(self._queue, kept[name], planes.buffers[name])
+        return kept
+
+    def restore(self, planes: OpenCLPlanes, kept: dict[str, Any]) -> None:
+        """Bring planes back to what they were when they were kept."""
+        for name, buffer in kept.items():
+            self._cl.enqueue_copy(self._queue, planes.buffers[name], buffer)
+        self.finish()
+
     def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
         """Start to build the kernels of the passes, side by side."""
         for name in names:

@@ -120,7 +120,8 @@ def _command(*words: str) -> str:
 
 
 def test_the_core_needs_no_torch() -> None:
-    files = [*(ROOT / "aw4d").rglob("*.py"), *(ROOT / "cl").glob("*.py")]
+    peers = ROOT / "aw4d" / "bench" / "peers"  # of the bench alone, each loaded where it is installed
+    files = [path for path in (ROOT / "aw4d").rglob("*.py") if path.parent != peers]
     assert not [path for path in files if {"torch", "mitsuba"} & _imported(path)]
 
 

@@ -17,11 +17,11 @@ import numpy as np
 
 from aw4d import opencl
 from aw4d.backend_opencl import OpenCLBackend, OpenCLPlanes
+from aw4d.bench.limits import limits
 from aw4d.clip import Clip
 from aw4d.params import ReflectionsParams
 from aw4d.pipeline import Plan, plan, prepare
 from tests.bench import walk_rate
-from tests.bench.fog import fma_rate
 
 RUNS = 15
 WEATHERS = ("snow", "rain", "rain+night", "snow+fog")
@@ -64,7 +64,7 @@ def _reflections_share(backend: OpenCLBackend, clip: Clip, made: Plan, index: in
             break
         backend.run(step.name, planes, step.params)
     looking_s = walk_rate.seconds(backend, frame.camera.shape, vectors, steps)
-    arithmetic_s = len(vectors) * backend.width * steps * STEP_OPS / fma_rate(backend)
+    arithmetic_s = len(vectors) * backend.width * steps * STEP_OPS / (1e9 * limits(backend).fma_gflop_s)
     print(
         f"    reflections: {len(vectors)} vectors of {steps} steps; their depths alone {looking_s * 1e3:.2f} ms, "
         f"{looking_s / took_s:.0%} of the time taken; their arithmetic at full rate {arithmetic_s * 1e3:.2f} ms, "
