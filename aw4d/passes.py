@@ -243,6 +243,7 @@ PASSES: dict[str, Pass] = {
             "grade_grey": lambda height, pitch, lights: height * pitch,
             "grade_grown": lambda height, pitch, lights: height * pitch,
             "grade_seen": lambda height, pitch, lights: height * (pitch + 2 * _margin(height)),
+            "grade_open": lambda height, pitch, lights: height * (pitch + 2 * _margin(height)),
             "grade_wide": lambda height, pitch, lights: height * (pitch + 2 * _margin(height)),
         },
     ),

@@ -295,10 +295,37 @@ __kernel void night_grade_dilate_across(
     STOREW(grown, grade_grown + y * pitch + x);
 }
 
+/* Share of the rows around W pixels of a column that are sky, or that are none; exact away from the mask's edge. */
+OUT_OF_LINE floatw share_down(
+    __global const uchar *column, __global const float *taps, const int reach, const int y, const int height,
+    const int pitch, const int is_sky)
+{
+    ucharw some = LOADW(column + y * pitch), all = some;
+    for (int k = max(y - reach, 0); k <= min(y + reach, height - 1); k++) {
+        const ucharw here = LOADW(column + k * pitch);
+        some |= here;
+        all &= here;
+    }
+    const float sky = is_sky ? 1.0f : 0.0f;
+    if (!ANYW(INTW(some != all)))
+        return SELECTW(LOADMASKW(column + y * pitch), sky, 1.0f - sky);
+    floatw sum = 0.0f;
+    for (int k = -reach; k <= reach; k++) {
+        const intw here = LOADMASKW(column + clamp(y + k, 0, height - 1) * pitch);
+        sum += taps[abs(k)] * SELECTW(here, sky, 1.0f - sky);
+    }
+    return sum;
+}
+
+/* What is not sky is blurred, so that a darkened sky keeps its digits where next to nothing is left of it; the sky itself
+ * only for the layer. */
 __kernel void night_grade_blur_down(
     __global const uchar *grade_grown,
     __global const float *grade_taps,
+    __global float *grade_open,
+#ifdef LAYERS
     __global float *grade_wide,
+#endif
     const float sky_factor,
     const int sky_blur_px,
     const int convention,
@@ -310,21 +337,14 @@ __kernel void night_grade_blur_down(
         return;
     const int x = W * get_global_id(0), y = get_global_id(1);
     const int reach = blur_reach(sky_blur_px, rows_of(height, convention));
-    __global const uchar *column = grade_grown + x;
-    __global float *row = grade_wide + wide_row(y, height, pitch);
-    ucharw some = LOADW(column + y * pitch), all = some;
-    for (int k = max(y - reach, 0); k <= min(y + reach, height - 1); k++) {
-        const ucharw here = LOADW(column + k * pitch);
-        some |= here;
-        all &= here;
-    }
-    floatw sum = SELECTW(LOADMASKW(column + y * pitch), 1.0f, 0.0f);
-    if (ANYW(INTW(some != all))) { /* else away from the mask's edge */
-        sum = 0.0f;
-        for (int k = -reach; k <= reach; k++)
-            sum += SELECTW(LOADMASKW(column + clamp(y + k, 0, height - 1) * pitch), grade_taps[abs(k)], 0.0f);
-    }
-    STORE_WIDE(sum, row, x, width, reach);
+    const floatw open = share_down(grade_grown + x, grade_taps, reach, y, height, pitch, 0);
+    __global float *row = grade_open + wide_row(y, height, pitch);
+    STORE_WIDE(open, row, x, width, reach);
+#ifdef LAYERS
+    const floatw sky = share_down(grade_grown + x, grade_taps, reach, y, height, pitch, 1);
+    __global float *sky_row = grade_wide + wide_row(y, height, pitch);
+    STORE_WIDE(sky, sky_row, x, width, reach);
+#endif
 }
 
 /* One channel: exposure, highlights, and the table's factor. */
@@ -353,10 +373,11 @@ OUT_OF_LINE floatw blurred(__global const float *row, __global const float *taps
 /* The blur across, and the grade of what the blur has weighted. */
 __kernel void night_grade(
     __global float *rgb,
-    __global const float *grade_wide,
+    __global const float *grade_open,
     __global const float *grade_taps,
     __global const float *grade_gain,
 #ifdef LAYERS
+    __global const float *grade_wide,
     __global float *sky_weight,
 #endif
     const float strength,
@@ -371,11 +392,11 @@ __kernel void night_grade(
     floatw keep = 1.0f;
     if (SKY_IS_WANTED) {
         const int reach = blur_reach(sky_blur_px, rows_of(height, convention));
-        __global const float *row = grade_wide + wide_row(y, height, pitch) + x;
-        const floatw weight = blurred(row, grade_taps, reach);
-        keep = fma(sky_factor - 1.0f, fmin(weight, 1.0f), 1.0f); /* rounding may bring the sum above 1 */
+        const int from = wide_row(y, height, pitch) + x;
+        const floatw open = blurred(grade_open + from, grade_taps, reach);
+        keep = fma(1.0f - sky_factor, fmin(open, 1.0f), sky_factor); /* rounding may bring the sum above 1 */
 #ifdef LAYERS
-        STOREW(weight, sky_weight + i);
+        STOREW(blurred(grade_wide + from, grade_taps, reach), sky_weight + i);
 #endif
     }
     const float gain = *grade_gain, beta = 0.7f + 0.2f * (1.0f - strength);
