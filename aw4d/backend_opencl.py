@@ -7,16 +7,16 @@ import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial, wraps
 from importlib import resources
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aw4d import opencl
 from aw4d.backend import Planes, check_names, frame_arguments, own_arguments, unwritable
-from aw4d.errors import InputError
+from aw4d.errors import InputError, JobError
 from aw4d.gbuffer import PLANES, GBuffer
 from aw4d.kernels import Kernel, build
 from aw4d.lights.light import balls, shapes
@@ -39,6 +39,10 @@ from aw4d.passes import (
 from aw4d.scene import Scene
 from reference_numpy.sampling import gauss_legendre
 
+P = ParamSpec("P")
+R = TypeVar("R")
+GO_ON = "try again, or choose another with --device (see `aw4d doctor`) or --backend numpy"
+LESS = "what helps is a clip of smaller frames, another --device (see `aw4d doctor`) or --backend numpy"
 _INCLUDE = re.compile(r'^#include "(?:include/)?(\w+\.h)"\n', re.MULTILINE)
 
 
@@ -102,6 +106,19 @@ class _Set:
     used: Any = None
 
 
+def _told(method: Callable[Concatenate[OpenCLBackend, P], R]) -> Callable[Concatenate[OpenCLBackend, P], R]:
+    """The method; whatever the runtime raises in it, at once or about work that it took before, is a JobError."""
+
+    @wraps(method)
+    def call(backend: OpenCLBackend, /, *args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return method(backend, *args, **kwargs)
+        except opencl.load().Error as error:
+            raise backend.failure(error) from error
+
+    return call
+
+
 class OpenCLBackend:
     """Runs `cl/<name>.cl` on one device.
 
@@ -147,9 +164,25 @@ class OpenCLBackend:
             try:
                 held = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, nbytes)
             except self._cl.Error as error:
-                raise InputError(f"{self.report.label}: no {nbytes / 1e6:.0f} MB for {name} ({error})") from error
+                reason = opencl.first_error(error)
+                raise JobError(
+                    f"{self.report.label}: no {nbytes / 1e6:.0f} MB for {name} beside {self._held():.0f} MB in use "
+                    f"({reason}); {LESS}"
+                ) from error
             pool[name] = held
         return held
+
+    def _held(self) -> float:
+        """Memory that the buffers take [MB]."""
+        pools = (self._pool, *(one.buffers for one in self._sets))
+        return sum(buffer.size for pool in pools for buffer in pool.values()) / 1e6
+
+    def failure(self, error: Exception) -> JobError:
+        """What the runtime raised, in one line with how to go on; no other device takes over by itself."""
+        reason = opencl.first_error(error)
+        if isinstance(error, self._cl.MemoryError):
+            return JobError(f"{self.report.label}: out of memory with {self._held():.0f} MB in use ({reason}); {LESS}")
+        return JobError(f"{self.report.label}: the device failed or was lost ({reason}); {GO_ON}")
 
     def _to_device(self, name: str, values: NDArray[Any]) -> Any:
         data = np.ascontiguousarray(values)
@@ -199,6 +232,7 @@ class OpenCLBackend:
         there.base.release(self._uploads)
         return buffer
 
+    @_told
     def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> OpenCLPlanes:
         """Take a frame, while the passes of the frame before may still run."""
         height, width = frame.camera.shape
@@ -217,6 +251,7 @@ class OpenCLBackend:
         planes.arguments |= {"pitch": pitch, "plane": planes.plane}
         return planes
 
+    @_told
     def put(self, planes: Planes, name: str, values: NDArray[Any]) -> None:
         """Replace a plane, (H, W) or (H, W, 3)."""
         assert isinstance(planes, OpenCLPlanes)
@@ -262,6 +297,7 @@ class OpenCLBackend:
             reason = opencl.first_error(error)
             raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
 
+    @_told
     def run(self, name: str, planes: Planes, p: Params) -> None:
         """Enqueue the kernels of `cl/<name>.cl`; every argument is found by its name.
 
@@ -326,6 +362,7 @@ class OpenCLBackend:
         fits = self.report.kind == "cpu" and height % 2 == 0 and 2 * columns <= self.report.device.max_work_group_size
         return (columns, height), (columns, 2) if fits else None
 
+    @_told
     def finish(self) -> None:
         """Wait until the device has done all that was asked of it."""
         self._queue.finish()
@@ -339,10 +376,12 @@ class OpenCLBackend:
             self._cl.enqueue_copy(self._queue, values, self._pool[buffer])
         return values
 
+    @_told
     def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
         """Planes and layers by name, without their padding, (H, W) or (H, W, 3)."""
         return self.fetch(planes, names)()
 
+    @_told
     def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[np.float32]]]:
         """Enqueue the copies of planes and layers; what is returned waits for them."""
         assert isinstance(planes, OpenCLPlanes)
@@ -353,16 +392,19 @@ class OpenCLBackend:
             padded = np.empty((channels, planes.shape[0], planes.pitch), dtype=np.float32)
             copies[name] = padded, self._cl.enqueue_copy(self._queue, padded, planes.buffers[name], is_blocking=False)
         self._queue.flush()
+        return partial(self._arrived, copies, planes.shape[1])
 
-        def wait() -> dict[str, NDArray[np.float32]]:
-            out = {}
-            for name, (padded, copied) in copies.items():
-                copied.wait()
-                image = padded[:, :, : planes.shape[1]]
-                out[name] = np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
-            return out
-
-        return wait
+    @_told
+    def _arrived(
+        self, copies: dict[str, tuple[NDArray[np.float32], Any]], width: int
+    ) -> dict[str, NDArray[np.float32]]:
+        """What was copied from the device, without its padding."""
+        out = {}
+        for name, (padded, copied) in copies.items():
+            copied.wait()
+            image = padded[:, :, :width]
+            out[name] = np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
+        return out
 
 
 def _planar(values: NDArray[Any], pitch: int) -> NDArray[Any]:

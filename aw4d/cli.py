@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import sys
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,7 +20,9 @@ from rich.logging import RichHandler
 from aw4d.cli_bench import bench
 from aw4d.cli_eval import eval_
 from aw4d.console import bar, err_console, out_console, watched
-from aw4d.errors import InputError
+from aw4d.errors import InputError, JobError
+from aw4d.interrupts import Interrupted, raised
+from aw4d.overlap import THREAD
 from aw4d.quality import DEFAULT_QUALITY
 from eval.errors import MetricError
 
@@ -97,25 +102,30 @@ def demo(
         print(file)
 
 
+@contextmanager
+def _drawn(what: str, total: int) -> Iterator[Callable[[int, int], None]]:
+    """A bar for an ingest, to be told how far it is; where it is stopped, the bar ends and a line says what then."""
+    try:
+        with bar() as progress:
+            task = progress.add_task(what, total=total)
+            yield partial(_show, progress, task)
+    except Interrupted:
+        err_console.print("the same command goes on where this one is stopped")
+        raise
+
+
 def _ingest_street(path: Path, frames: int, width: int, height: int) -> None:
     from aw4d.ingest import ingest_street
 
-    with bar() as drawn:
-        task = drawn.add_task("drawing the street", total=frames)
-        show = partial(_show, drawn, task)
+    with _drawn("drawing the street", frames) as show:
         ingest_street(path, frames=frames, width=width, height=height, progress=show)
 
 
 def _ingest(source: Source, out: Path, overwrite: bool) -> None:
     from aw4d.ingest import ingest
 
-    with bar() as drawn:
-        task = drawn.add_task("ingesting", total=len(source.info))
-        try:
-            clip = ingest(source, out, overwrite=overwrite, progress=partial(_show, drawn, task))
-        except KeyboardInterrupt:
-            err_console.print("interrupted; the same command goes on where it stopped")
-            raise
+    with _drawn("ingesting", len(source.info)) as show:
+        clip = ingest(source, out, overwrite=overwrite, progress=show)
     for sentence in clip.info.approximations:
         err_console.print(f"- {sentence}", markup=False, soft_wrap=True)
     print(out)
@@ -312,16 +322,26 @@ def tables(
     reproduce_tables(results or [], out_console, as_json=as_json)
 
 
+def _say(error: BaseException) -> None:
+    message = " ".join(str(error).split())
+    print(f"aw4d: {message}", file=sys.stderr)
+
+
 def main() -> None:
-    """Run the command line; input errors end in one line on stderr and exit status 2."""
+    """Run the command line; errors end in one line on stderr, with exit status 2 for bad input and 1 for the rest."""
     try:
-        app(prog_name="aw4d")
+        with raised():
+            app(prog_name="aw4d")
     except (InputError, MetricError) as error:
-        message = " ".join(str(error).split())
-        print(f"aw4d: {message}", file=sys.stderr)
+        _say(error)
         sys.exit(2)
-    except KeyboardInterrupt:
-        print("aw4d: interrupted; nothing half-written is left behind", file=sys.stderr)
+    except JobError as error:
+        _say(error)
+        sys.exit(1)
+    except Interrupted as signal:
+        print(f"aw4d: stopped by {signal}; nothing half-written is left behind", file=sys.stderr, flush=True)
+        if any(thread.name == THREAD for thread in threading.enumerate()):
+            os._exit(1)  # in the middle of a frame: an orderly end would pull the device from under it
         sys.exit(1)
 
 

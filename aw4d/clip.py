@@ -22,6 +22,7 @@ from aw4d.boxes import Box
 from aw4d.camera import Camera
 from aw4d.colour import decode_srgb8, encode_srgb8, look_up
 from aw4d.errors import InputError
+from aw4d.exchange import put
 from aw4d.gbuffer import PLANES, GBuffer, Plane, length2
 
 log = logging.getLogger("aw4d")
@@ -447,7 +448,10 @@ class ClipWriter:
 
     def rewrite(self, name: str, index: int, values: Plane) -> None:
         """Replace one plane of a frame that was written."""
-        self._array(name)[index] = STORED[name].encode(values)
+        try:
+            self._array(name)[index] = STORED[name].encode(values)
+        except OSError as error:
+            raise InputError(f"{self.path}: frame {index} cannot be written ({error.strerror or error})") from error
 
     def finish(self, info: ClipInfo) -> Clip:
         """Check that every frame is there, write the attributes, and put the clip in its place.
@@ -470,9 +474,8 @@ class ClipWriter:
         return Clip(self.path)
 
     def _replace(self) -> None:
-        if self.path.exists():
-            self.path.rename(self._partial / "replaced")  # within the partial folder no one else's name is in the way
-        (self._partial / "clip").rename(self.path)
+        (self._partial / "plan.json").unlink()  # killed behind the next line, no run must resume what was replaced
+        put(self._partial / "clip", self.path)
         shutil.rmtree(self._partial)
 
     def discard(self) -> None:

@@ -1,4 +1,4 @@
-"""The one error that is the user's to mend: bad input or bad usage, told in one line."""
+"""The errors that are told in one line: bad input or bad usage, and a job that failed through no fault of its input."""
 
 
 class InputError(ValueError):
@@ -6,4 +6,11 @@ class InputError(ValueError):
 
     The message names the thing, what was expected and what came. The command line prints it alone, without a
     traceback, and exits with status 2.
+    """
+
+
+class JobError(RuntimeError):
+    """A job that could not be done though its input is right: the device was lost, or its memory is too small.
+
+    The message says what happened and how to go on. The command line prints it alone and exits with status 1.
     """

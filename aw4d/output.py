@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
-import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
@@ -19,7 +17,7 @@ import aw4d
 from aw4d.backend import Backend
 from aw4d.clip import Clip
 from aw4d.errors import InputError
-from aw4d.io.files import replacing
+from aw4d.io.files import remove_left, replacing, replacing_folder
 from aw4d.io.images import exr_channels, write_exr, write_png
 from aw4d.io.video import VideoWriter
 from aw4d.overlap import ahead
@@ -35,22 +33,6 @@ class Sink(Protocol):
 
     def write(self, frame: Frame) -> None:
         """Write one frame."""
-
-
-@contextmanager
-def _replacing_folder(path: Path) -> Iterator[Path]:
-    """A folder beside `path` to fill; it takes the place of `path` when the block ends well, else it is deleted."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.mkdir(parents=True)
-        yield temporary
-        if path.exists():
-            shutil.rmtree(path)
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 class _Video:
@@ -158,18 +140,41 @@ def _check_free(target: Path, out: Path, overwrite: bool) -> None:
 @contextmanager
 def open_output(out: Path, fps: float, kind: str = "png") -> Iterator[Sink]:
     """A video for a path that ends in .mp4, else a folder of images of that kind."""
+    remove_left(out)
     with ExitStack() as stack:
         if out.suffix == VIDEO_SUFFIX:
             yield _Video(stack.enter_context(VideoWriter(out, fps=fps)))
         else:
-            yield _Folder(stack.enter_context(_replacing_folder(out)), kind)
+            yield _Folder(stack.enter_context(replacing_folder(out)), kind)
+
+
+@contextmanager
+def _open_noted(out: Path, fps: float, kind: str) -> Iterator[tuple[Sink, Path]]:
+    """The output and the name to write its sidecar to; of a killed run at most one of both is in its place.
+
+    A video has its sidecar after it, since only its end shows whether the disk had room. A folder has it before: only
+    beside its sidecar it is known as an edit that may be overwritten.
+    """
+    note = sidecar_path(out)
+    remove_left(note)
+    with ExitStack() as stack:
+        if out.suffix == VIDEO_SUFFIX:
+            temporary = stack.enter_context(replacing(note))
+            yield stack.enter_context(open_output(out, fps, kind)), temporary
+        else:
+            sink = stack.enter_context(open_output(out, fps, kind))
+            yield sink, stack.enter_context(replacing(note))
 
 
 @contextmanager
 def _open_layers(folder: Path | None, clip: Clip, chosen: Sequence[int]) -> Iterator[list[Sink]]:
     """The folder of layers, where one is given."""
     with ExitStack() as stack:
-        yield [] if folder is None else [_Layers(stack.enter_context(_replacing_folder(folder)), clip, chosen)]
+        if folder is None:
+            yield []
+        else:
+            remove_left(folder)
+            yield [_Layers(stack.enter_context(replacing_folder(folder)), clip, chosen)]
 
 
 def _write(frames: Iterable[Frame], sinks: Sequence[Sink]) -> None:
@@ -214,10 +219,9 @@ def write_edit(
     first: list[float] = []
     layers = [*made.layers, EACH_LIGHT, LABELS] if layer_folder is not None else []
     with (
-        replacing(sidecar_path(out)) as note,
         closing(ahead(frames_of(clip, made, backend, chosen, layers))) as frames,
-        open_output(out, clip.info.fps, kind) as sink,
         _open_layers(layer_folder, clip, chosen) as layer_sinks,
+        _open_noted(out, clip.info.fps, kind) as (sink, note),
     ):
         _write(watch(_noting_first(frames, first)), [sink, *layer_sinks])
         content = sidecar(clip, made, backend=backend.name, frames=chosen, seconds=time.perf_counter() - start)

@@ -9,8 +9,11 @@ from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Generic, TypeVar
 
+from aw4d.interrupts import stopped
+
 T = TypeVar("T")
 Result = TypeVar("Result")
+THREAD = "ahead"
 _DEPTH = 2  # items ahead: enough to hide jitter, and memory stays flat
 
 
@@ -29,7 +32,7 @@ class _Producer(threading.Thread, Generic[T]):
     """Fills a bounded queue from an iterable until it ends, fails, or is told to stop."""
 
     def __init__(self, items: Iterable[T]) -> None:
-        super().__init__(daemon=True)
+        super().__init__(daemon=True, name=THREAD)
         self.items = items
         self.queue: queue.Queue[T | _Failure | _End] = queue.Queue(maxsize=_DEPTH)
         self.stop = threading.Event()
@@ -77,7 +80,8 @@ def ahead(items: Iterable[T]) -> Generator[T, None, None]:
         producer.stop.set()
         # The garbage collector closes a forgotten iterator in any thread, also in one that the producer waits for.
         if threading.current_thread() is consumer:
-            producer.join()
+            while producer.is_alive() and not stopped.is_set():
+                producer.join(0.1)
 
 
 def mapped_ahead(function: Callable[[T], Result], items: Iterable[T]) -> Generator[Result, None, None]:

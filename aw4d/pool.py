@@ -9,9 +9,12 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from typing import TypeVar
 
 import cv2
+
+from aw4d.errors import JobError
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -41,11 +44,17 @@ def ordered_map(function: Callable[[Task], Result], tasks: Iterable[Task], *, wo
         Drawn as workers become free: at most two tasks a worker are held at once.
     workers
         Processes; 1 works in this process.
+
+    Raises
+    ------
+    JobError
+        A process died: something killed it, mostly the system for lack of memory.
     """
     if workers <= 1:
         yield from map(function, tasks)
         return
     # Spawned, not forked: Zarr's threads may hold locks at the moment of a fork.
+    others = multiprocessing.active_children()
     pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start_worker)
     pending: deque[Future[Result]] = deque()
     try:
@@ -55,5 +64,12 @@ def ordered_map(function: Callable[[Task], Result], tasks: Iterable[Task], *, wo
                 yield pending.popleft().result()
         while pending:
             yield pending.popleft().result()
-    finally:
-        pool.shutdown(cancel_futures=True)
+    except BaseException as error:  # no one waits for what is in flight: a frame takes seconds
+        pool.shutdown(wait=False, cancel_futures=True)
+        for worker in multiprocessing.active_children():
+            if worker not in others:
+                worker.terminate()
+        if isinstance(error, BrokenProcessPool):
+            raise JobError("a process that worked on frames was killed, perhaps for lack of memory") from error
+        raise
+    pool.shutdown()

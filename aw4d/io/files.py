@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import hashlib
 import os
+import shutil
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from aw4d.errors import InputError
+from aw4d.exchange import put
 
 
 def read_bytes(path: Path) -> bytes:
@@ -42,24 +45,73 @@ def read_text(path: Path) -> str:
         raise InputError(f"{path}: expected a text file, got bytes that are not UTF-8") from error
 
 
+def _beside(path: Path) -> Path:
+    """A name beside `path` that tells who fills it."""
+    return path.with_name(f".{path.name}.{os.uname().nodename}.{os.getpid()}.tmp")
+
+
+def remove_left(path: Path) -> None:
+    """Delete what processes of this machine that were killed have left beside `path`; living ones keep theirs."""
+    for left in path.parent.glob(f".{glob.escape(path.name)}.{glob.escape(os.uname().nodename)}.*.tmp"):
+        writer = left.name.split(".")[-2]
+        if writer.isdecimal() and not _alive(int(writer)):
+            remove(left)
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:  # another user's
+        return True
+    return True
+
+
+def remove(path: Path) -> None:
+    """Delete a file or a folder as far as it can be deleted."""
+    with contextlib.suppress(OSError):
+        path.unlink(missing_ok=True)
+    shutil.rmtree(path, ignore_errors=True)
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A name beside `path` to write to; it takes the place of `path` when the block ends well, else it is deleted.
+    """A name beside `path` to write a file to; it takes the place of `path` when the block ends well, else it goes.
 
     Raises
     ------
     InputError
         The file cannot be written: no such folder, no permission, disk full.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = _beside(path)
     try:
         yield temporary
         temporary.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        remove(temporary)
+
+
+@contextlib.contextmanager
+def replacing_folder(path: Path) -> Iterator[Path]:
+    """A folder beside `path` to fill; it takes the place of `path` when the block ends well, else it goes.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written: no such place, no permission, disk full.
+    """
+    temporary = _beside(path)
+    try:
+        temporary.mkdir(parents=True)
+        yield temporary
+        put(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        remove(temporary)
 
 
 def listed(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
