@@ -229,13 +229,13 @@ class Clip:
             if data["version"] != VERSION:
                 raise InputError(f"{self.path}: expected clip version {VERSION}, got {data['version']}")
             self.info = ClipInfo.from_json(data)
+            self.planes: tuple[str, ...] = tuple(name for name in PLANES if name in self._group)
+            self._arrays: dict[str, Any] = {name: self._group[name] for name in self.planes}
         except InputError:
             raise
         except Exception as error:  # zarr raises many kinds for "this is no group of mine"
             hint = " (an unfinished ingest)" if self.path.name.endswith(SUFFIX_PARTIAL) else ""
             raise InputError(f"{self.path}: expected a clip made by `aw4d ingest`, got something else{hint}") from error
-        self.planes: tuple[str, ...] = tuple(name for name in PLANES if name in self._group)
-        self._arrays: dict[str, Any] = {name: self._group[name] for name in self.planes}
 
     def __len__(self) -> int:
         return len(self.info)
@@ -305,9 +305,12 @@ class Clip:
     def points(self, index: int) -> NDArray[np.float32] | None:
         """LiDAR returns of a frame, camera frame [m] and reflectance, (n, 4); None where there are none."""
         name = f"points/{index:06d}"
-        if name not in self._group:
-            return None
-        array: Any = self._group[name]
+        try:
+            if name not in self._group:
+                return None
+            array: Any = self._group[name]
+        except Exception as error:  # zarr's own file about the array is damaged
+            raise InputError(f"{self.path}: frame {index}, points: cannot be read ({error})") from error
         if not array.shape[0]:
             return np.empty((0, 4), dtype=np.float32)
         return self._read(f"frame {index}, points", f"{name}/c/0/0", lambda: array[:])

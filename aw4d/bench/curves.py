@@ -125,7 +125,7 @@ def _alone(made: Plan, name: str, frame: GBuffer, index: int, backend: OpenCLBac
 
 
 _EDIT = """
-import resource, sys
+import sys
 from pathlib import Path
 from aw4d.clip import Clip
 from aw4d.output import write_edit
@@ -133,7 +133,8 @@ from aw4d.pipeline import plan
 from aw4d.render import open_backend
 clip, out, count = Clip(Path(sys.argv[1])), Path(sys.argv[2]), int(sys.argv[3])
 write_edit(clip, plan(clip, "fog"), open_backend("opencl"), [i % len(clip) for i in range(count)], out)
-print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+# Not ru_maxrss: a process that was forked has its parent's peak there.
+print(next(int(line.split()[1]) for line in open("/proc/self/status") if line.startswith("VmHWM")) / 1024)
 """
 
 

@@ -31,7 +31,7 @@ def _open(path: Path) -> Any:
     if not path.is_file():
         raise InputError(f"{path}: expected a video file, got {'a folder' if path.is_dir() else 'nothing'}")
     try:
-        container = av.open(str(path))
+        container = av.open(str(path), metadata_errors="replace")
     except (av.error.FFmpegError, OSError) as error:
         raise InputError(f"{path}: expected a whole video file ({error.strerror or error})") from error
     if not container.streams.video:
