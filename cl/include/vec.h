@@ -69,14 +69,6 @@ static inline int some16(const int16 c) { const ulong2 b = as_ulong2(convert_cha
 #endif
 #endif
 
-/* PoCL keeps what a kernel holds in memory for every work-item of a group apart, too much for the cache; what a function
- * holds is on the stack. */
-#if W == 1
-#define OUT_OF_LINE static inline
-#else
-#define OUT_OF_LINE __attribute__((noinline)) static
-#endif
-
 /* floatw: yes where c holds, else no; scalars are spread over the lanes */
 #define SELECTW(c, yes, no) select((floatw)(no), (floatw)(yes), c)
 
