@@ -12,8 +12,6 @@ from aw4d.bench.hard_cases import CASES, Case
 from aw4d.bench.hard_inputs import Scenery, lamp, trial
 from aw4d.passes import PASSES
 
-FAMILIES = tuple(dict.fromkeys(case.family for case in CASES))
-
 
 @pytest.mark.parametrize("step", PASSES)
 def test_a_pass_survives_its_hard_cases(opencl_backends: dict[str, OpenCLBackend], step: str) -> None:
