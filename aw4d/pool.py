@@ -8,9 +8,8 @@ import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
-from typing import TypeVar
+from multiprocessing.connection import Connection
+from typing import Generic, TypeVar, cast
 
 import cv2
 
@@ -20,6 +19,13 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 
+class _Failure:
+    """An exception on its way from a worker to the caller."""
+
+    def __init__(self, error: Exception) -> None:
+        self.error = error
+
+
 def _die_with_parent() -> None:
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -27,10 +33,56 @@ def _die_with_parent() -> None:
         os._exit(1)
 
 
-def _start_worker() -> None:
+def _work(function: Callable[[Task], Result], connection: Connection) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the parent, which ends the workers
     cv2.setNumThreads(1)  # one process a core already
     threading.Thread(target=_die_with_parent, daemon=True).start()  # a killed parent cannot end them
+    while True:
+        task = connection.recv()
+        try:
+            answer: Result | _Failure = function(task)
+        except Exception as error:  # raised where the result is awaited
+            answer = _Failure(error)
+        connection.send(answer)
+
+
+class _Worker(Generic[Task, Result]):
+    """A process with a pipe of its own: where it dies, even in the middle of a result, the pipe's end is seen.
+
+    `concurrent.futures` has one pipe for all results and waits for ever for the other half of a result.
+    """
+
+    def __init__(self, function: Callable[[Task], Result]) -> None:
+        # Spawned, not forked: Zarr's threads may hold locks at the moment of a fork.
+        context = multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process = context.Process(target=_work, args=(function, theirs), daemon=True)
+        self.process.start()
+        theirs.close()
+
+    def begin(self, task: Task) -> None:
+        try:
+            self.connection.send(task)
+        except OSError as error:
+            raise _killed() from error
+
+    def result(self) -> Result:
+        try:
+            answer = self.connection.recv()
+        except (EOFError, OSError) as error:
+            raise _killed() from error
+        if isinstance(answer, _Failure):
+            raise answer.error
+        return cast("Result", answer)
+
+    def end(self) -> None:
+        self.process.terminate()  # no one waits for what is in flight: a frame takes seconds
+        self.process.join()
+        self.connection.close()
+
+
+def _killed() -> JobError:
+    return JobError("a process that worked on frames was killed, perhaps for lack of memory")
 
 
 def ordered_map(function: Callable[[Task], Result], tasks: Iterable[Task], *, workers: int) -> Iterator[Result]:
@@ -41,7 +93,7 @@ def ordered_map(function: Callable[[Task], Result], tasks: Iterable[Task], *, wo
     function
         Defined at a module's top level, so that a fresh process can import it.
     tasks
-        Drawn as workers become free: at most two tasks a worker are held at once.
+        Drawn as workers become free: one task a worker is held at once.
     workers
         Processes; 1 works in this process.
 
@@ -53,23 +105,19 @@ def ordered_map(function: Callable[[Task], Result], tasks: Iterable[Task], *, wo
     if workers <= 1:
         yield from map(function, tasks)
         return
-    # Spawned, not forked: Zarr's threads may hold locks at the moment of a fork.
-    others = multiprocessing.active_children()
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_start_worker)
-    pending: deque[Future[Result]] = deque()
+    at_work: deque[_Worker[Task, Result]] = deque()  # the one with the earliest task first
     try:
         for task in tasks:
-            pending.append(pool.submit(function, task))
-            if len(pending) >= 2 * workers:
-                yield pending.popleft().result()
-        while pending:
-            yield pending.popleft().result()
-    except BaseException as error:  # no one waits for what is in flight: a frame takes seconds
-        pool.shutdown(wait=False, cancel_futures=True)
-        for worker in multiprocessing.active_children():
-            if worker not in others:
-                worker.terminate()
-        if isinstance(error, BrokenProcessPool):
-            raise JobError("a process that worked on frames was killed, perhaps for lack of memory") from error
-        raise
-    pool.shutdown()
+            if len(at_work) < workers:
+                at_work.append(_Worker(function))
+                at_work[-1].begin(task)
+                continue
+            result = at_work[0].result()
+            at_work[0].begin(task)  # before the caller does its part
+            at_work.rotate(-1)
+            yield result
+        for worker in at_work:
+            yield worker.result()
+    finally:
+        for worker in at_work:
+            worker.end()

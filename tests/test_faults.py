@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -141,6 +142,27 @@ def _die(number: int) -> int:
 def test_a_worker_that_is_killed() -> None:
     with pytest.raises(JobError, match="killed"):
         list(ordered_map(_die, range(6), workers=2))
+
+
+def _die_sending(number: int) -> tuple[int, bytes]:
+    """More than a pipe holds, so that the writer of an answer that nobody reads yet is in the middle of it."""
+    if number == 1:
+        threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGKILL)).start()
+    return number, bytes(1 << 24)
+
+
+def test_a_worker_that_is_killed_while_it_answers() -> None:
+    """Half a result is no result, and nobody waits for the other half."""
+    results = ordered_map(_die_sending, range(6), workers=2)
+    assert next(results)[0] == 0
+    time.sleep(2)  # the other worker fills its pipe and dies
+    with pytest.raises(JobError, match="killed"):
+        list(results)
+
+
+def test_what_fails_in_a_worker_fails_here() -> None:
+    with pytest.raises(ZeroDivisionError):
+        list(ordered_map((12).__floordiv__, [3, 2, 0, 1], workers=2))
 
 
 def _dead_process() -> int:
