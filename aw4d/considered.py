@@ -82,8 +82,8 @@ def _particles(frame: _Frame) -> list[Count]:
 
 
 def _air(frame: _Frame) -> list[Count]:
-    lit = frame.scene.lights.light_in_air
-    return [frame.count("lights whose glow is taken", len(lit), np.count_nonzero(lit))]
+    reach = frame.scene.lights.light_air_reach
+    return [frame.count("lights whose glow is taken", len(reach), np.count_nonzero(reach))]
 
 
 def _mirrors(frame: _Frame) -> list[Count]:

@@ -212,6 +212,8 @@ PASSES: dict[str, Pass] = {
         reads=("rgb", "depth", "sky"),
         writes=("rgb",),
         layers={"transmittance": 1, "in_scatter": 3, "airlight": 3},
+        stages=(Stage(kernel="fog_tiles", over="tiles"), Stage(kernel="fog")),
+        scratch={"tile_lights": _tile_words},
     ),
     "rain_streaks": _falling("rain_streaks", RainStreaksParams, "streak"),
     "snow_fall": _falling("snow_fall", SnowFallParams, "flake"),

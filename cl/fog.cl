@@ -11,6 +11,7 @@
 #include "include/exp.h"
 #include "include/lamp.h"
 #include "include/phase.h"
+#include "include/tiles.h"
 #include "include/trig.h"
 #include "include/vec.h"
 
@@ -96,7 +97,7 @@ static inline floatw axis_across(
 
 /* Single-scattering integral along the rays (x, y, z), equiangular (Kulla and Fajardo 2012). */
 static inline floatw along_ray(
-    const Lamp lamp, const float r_max, const Ray ray, const floatw x, const floatw y, const floatw z, const floatw s,
+    const Lamp lamp, const float r_max, const float air_reach, const Ray ray, const floatw x, const floatw y, const floatw z, const floatw s,
     const float extinction, const float g,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
 {
@@ -110,7 +111,8 @@ static inline floatw along_ray(
     const floatw D2 = fma(ax, ax, fma(ay, ay, fma(az, az, EPSILON)));
     const floatw reach2 = r_max * r_max - D2;
     const bool spot = lamp.cos_outer >= 0.0f;
-    intw lit = reach2 > 0.0f;
+    const float nearest = fmin(r_max, air_reach);
+    intw lit = D2 < nearest * nearest;
     intw flip = t0 < 0.0f;
     floatw c = 0.0f, inside = 0.0f;
     if (spot) {
@@ -180,7 +182,8 @@ static inline floatw along_ray(
     a.fade_D = -extinction * D;
     a.fade_t0 = -extinction * t0;
     const floatw total = quadrature(a, spot, spread, g, node_x, node_w, node_pairs);
-    return SELECTW(lit, total * spread * inv_D * phase_scale(g), 0.0f);
+    const floatw beside = a.half_D * (2.0f * r_max / air_reach);
+    return SELECTW(lit, total * spread * inv_D * phase_scale(g) * window(fma(-beside, beside, 1.0f)), 0.0f);
 }
 
 /* Whether no ray of the bundle around the unit vector b, of lengths s, meets the ball (centre, radius) that holds a lamp's
@@ -194,15 +197,41 @@ static inline bool misses(const float4 ball, const float3 b, const float half_an
     return miss2 > (ball.w + slack) * (ball.w + slack) || !ANYW(s > t - ball.w - slack);
 }
 
+__kernel void fog_tiles(
+    __global const float *restrict depth,               /* [m] */
+    __global const uchar *restrict sky,
+    __global uint *restrict tile_lights,                /* a bit a light, (light_count + 31) / 32 words a tile */
+    const int height, const int pitch,                  /* [px] */
+    const float fx, const float fy, const float cx, const float cy,  /* [px] */
+    const int light_count,
+    __global const float *restrict light_air_reach,     /* [m] */
+    __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
+    const float extent_m)                               /* [m] */
+{
+    const int words = (light_count + 31) / 32;
+    __global uint *restrict out = tile_lights + words * (get_global_id(1) * get_global_size(0) + get_global_id(0));
+    Frustum tile = frustum(
+        depth, sky, extent_m, pitch, height, get_global_id(0) * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
+    tile.near = 0.0f; /* the air before the surfaces is lit, too */
+    for (int word = 0; word < words; word++) {
+        uint bits = 0;
+        for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1)
+            bits |= light_air_reach[lowest(word, met)] > 0.0f ? met & -met : 0u;
+        out[word] = bits;
+    }
+}
+
 __kernel void fog(
     __global float *restrict rgb,                       /* scene-linear; edited in place */
     __global const float *restrict depth,               /* [m] */
     __global const uchar *restrict sky,
+    __global const uint *restrict tile_lights,
 #ifdef LAYERS
     __global float *restrict transmittance,
     __global float *restrict in_scatter,
     __global float *restrict airlight,
 #endif
+    const int width,                                    /* [px] */
     const int pitch,                                    /* [px] row length, a multiple of W */
     const int plane,                                    /* [px] distance between the planes of one image */
     const float fx, const float fy, const float cx, const float cy,  /* [px] */
@@ -212,7 +241,7 @@ __kernel void fog(
     __global const float *restrict light_direction,
     __global const float *restrict light_intensity,
     __global const float *restrict light_r_max,         /* [m] */
-    __global const int *restrict light_in_air,          /* 0: does not show in the air */
+    __global const float *restrict light_air_reach,     /* [m] */
     __global const float *restrict light_shape,         /* cos_outer, its sine squared, 1 / (cos_inner - cos_outer), 1 / r_max */
     __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
     __global const float *restrict node_x,              /* upper half of the abscissae on [-1, 1] */
@@ -230,6 +259,8 @@ __kernel void fog(
     const int u0 = get_global_id(0) * W;
     const int v = get_global_id(1);
     const int i = v * pitch + u0;
+    const int words = (light_count + 31) / 32;
+    __global const uint *restrict reaching = tile_lights + words * (v / TILE * ((width + TILE - 1) / TILE) + u0 / TILE);
 
     const floatw column = (float)u0 + LANES, du = column - cx;
     const float dv = (float)v - cy;
@@ -255,29 +286,30 @@ __kernel void fog(
     const float3 bundle = normalize((float3)((u0 + 0.5f * (W - 1) - cx) / fx, ray.ky, 1.0f));
     const float half_angle = 0.5f * (W - 1) / fx;       /* [rad] at most, off the axis less */
     floatw r = 0.0f, g_ = 0.0f, b = 0.0f;
-    for (int l = 0; l < light_count; l++) {
-        const int kind = light_kind[l];
-        if (!light_in_air[l])
-            continue;
-        if (kind != DIRECTIONAL && convention != PAPER && misses(vload4(l, light_ball), bundle, half_angle, s))
-            continue;
-        const float3 E = vload3(l, light_intensity) * (gamma * scattering);
-        floatw glow;
-        if (kind == DIRECTIONAL) {
-            const float3 d = vload3(l, light_direction);
-            const floatw mu = -fma(x, d.x, fma(y, d.y, z * d.z));
-            glow = henyey_greenstein(mu, g);
-            if (convention != PAPER)
-                glow *= extinction > 0.0f ? opacity / extinction : s;
-        } else {
-            const Lamp a = lamp(l, light_position, light_direction, light_shape);
-            glow = convention == PAPER
-                ? at_surface(a, x, y, z, s, g)
-                : along_ray(a, light_r_max[l], ray, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
+    for (int word = 0; word < words; word++) {
+        for (uint bits = reaching[word]; bits; bits &= bits - 1) {
+            const int l = lowest(word, bits), kind = light_kind[l];
+            if (kind != DIRECTIONAL && convention != PAPER && misses(vload4(l, light_ball), bundle, half_angle, s))
+                continue;
+            const float3 E = vload3(l, light_intensity) * (gamma * scattering);
+            floatw glow;
+            if (kind == DIRECTIONAL) {
+                const float3 d = vload3(l, light_direction);
+                const floatw mu = -fma(x, d.x, fma(y, d.y, z * d.z));
+                glow = henyey_greenstein(mu, g);
+                if (convention != PAPER)
+                    glow *= extinction > 0.0f ? opacity / extinction : s;
+            } else {
+                const Lamp a = lamp(l, light_position, light_direction, light_shape);
+                glow = convention == PAPER
+                    ? at_surface(a, x, y, z, s, g)
+                    : along_ray(
+                        a, light_r_max[l], light_air_reach[l], ray, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
+            }
+            r = fma(glow, E.x, r);
+            g_ = fma(glow, E.y, g_);
+            b = fma(glow, E.z, b);
         }
-        r = fma(glow, E.x, r);
-        g_ = fma(glow, E.y, g_);
-        b = fma(glow, E.z, b);
     }
 
     const float albedo = convention == PAPER || extinction == 0.0f ? 0.0f : scattering / extinction;

@@ -1,40 +1,15 @@
 /* spot_lights.cl - local lights on the surfaces, and emission. Mirrors reference_numpy/spot_lights.py.
  * Paper, supplement "Light Source Implementation".
  *
- * Two stages: spot_lights_tiles finds the lights that can reach a tile of the picture, by the ball that holds all that a
- * light can reach against the tile's frustum and depth range; spot_lights adds them up. A light that is left out would
- * have added 0, so sorting out changes no pixel.
+ * Two stages: spot_lights_tiles finds the lights that can reach a tile's surfaces; spot_lights adds them up.
  */
 #include "include/brdf.h"
 #include "include/lamp.h"
+#include "include/tiles.h"
 #include "include/vec.h"
 
 #define PAPER 1          /* convention */
 #define NEAR_EDGE 0.04f  /* of a cone's edge, as a cosine: nearer, its digits are saved */
-#define SLACK 1e-3f      /* covers rounding */
-
-/* Nearest and farthest depth of a tile's surfaces; nothing but sky: near > far. */
-static inline float2 depth_range(
-    __global const float *restrict depth, __global const uchar *restrict sky,
-    const int pitch, const int u0, const int v0, const int height)
-{
-    floatw near = INFINITY, far = -INFINITY;
-    for (int v = v0; v < min(v0 + TILE, height); v++)
-        for (int u = u0; u < min(u0 + TILE, pitch); u += W) {
-            const int i = v * pitch + u;
-            const floatw z = LOADW(depth + i);
-            const intw none = LOADMASKW(sky + i);
-            near = fmin(near, SELECTW(none, INFINITY, z));
-            far = fmax(far, SELECTW(none, -INFINITY, z));
-        }
-    return (float2)(MINW(near), MAXW(far));
-}
-
-/* Whether a ball reaches beyond the plane through the eye that holds all x = k z, on the side where sign (x - k z) > 0. */
-static inline bool beyond(const float x, const float z, const float radius, const float k, const float sign)
-{
-    return sign * (x - k * z) > radius * sqrt(1.0f + k * k);
-}
 
 __kernel void spot_lights_tiles(
     __global const float *restrict depth,               /* [m] */
@@ -45,24 +20,12 @@ __kernel void spot_lights_tiles(
     const int light_count,
     __global const float *restrict light_ball)          /* [m] centre and radius of what a lamp can light */
 {
-    const int u0 = get_global_id(0) * TILE, v0 = get_global_id(1) * TILE;
     const int words = (light_count + 31) / 32;
     __global uint *restrict out = tile_lights + words * (get_global_id(1) * get_global_size(0) + get_global_id(0));
-    const float2 z = depth_range(depth, sky, pitch, u0, v0, height);
-    const float left = (u0 - cx) / fx, right = (u0 + TILE - 1 - cx) / fx;
-    const float top = (v0 - cy) / fy, bottom = (v0 + TILE - 1 - cy) / fy;
-    for (int word = 0; word < words; word++) {
-        uint bits = 0;
-        for (int l = 32 * word; l < min(32 * word + 32, light_count); l++) {
-            const float4 ball = vload4(l, light_ball);
-            const float radius = ball.w + SLACK * (ball.w + fabs(ball.z));
-            const bool misses = ball.z + radius < z.x || ball.z - radius > z.y || z.x > z.y
-                || beyond(ball.x, ball.z, radius, left, -1.0f) || beyond(ball.x, ball.z, radius, right, 1.0f)
-                || beyond(ball.y, ball.z, radius, top, -1.0f) || beyond(ball.y, ball.z, radius, bottom, 1.0f);
-            bits |= misses ? 0u : 1u << (l - 32 * word);
-        }
-        out[word] = bits;
-    }
+    const Frustum tile = frustum(
+        depth, sky, -INFINITY, pitch, height, get_global_id(0) * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
+    for (int word = 0; word < words; word++)
+        out[word] = meeting(tile, word, light_count, light_ball);
 }
 
 /* A vector of surfaces. */
@@ -223,7 +186,7 @@ __kernel void spot_lights(
         Sums sums = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
         for (int word = 0; word < words; word++) {
             for (uint bits = reaching[word]; bits; bits &= bits - 1) {
-                const int l = 32 * word + 31 - clz(bits & -bits);
+                const int l = lowest(word, bits);
                 const Incoming in = incoming(lights, l, a);
                 if (ANYW(in.light > 0.0f))
                     add(&sums, a.facing, in, light_intensity + 3 * l, convention);

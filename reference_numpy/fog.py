@@ -40,7 +40,7 @@ def fog(
     light_cos_inner: Array,
     light_cos_outer: Array,
     light_r_max: Array,
-    light_in_air: NDArray[np.int32],
+    light_air_reach: Array,
     sigma_s: float,
     sigma_a: float,
     alpha: float,
@@ -74,8 +74,9 @@ def fog(
         (L,) cosines of a spot's half angles, inner > outer > 0.
     light_r_max
         (L,) reach [m], > 0.
-    light_in_air
-        (L,) 0 for a light that does not show in the air, else 1.
+    light_air_reach
+        (L,) distance between light and ray [m] towards which the in-scatter fades to nothing, >= 0: 0 for a light that
+        does not show in the air, inf for one that is taken whole. Of a point or spot under "physical"; else 0 or not.
     sigma_s, sigma_a
         Scattering and absorption coefficients [1/m], >= 0.
     alpha
@@ -109,7 +110,7 @@ def fog(
     opacity = -np.expm1(-extinction * s)
 
     in_scatter = np.zeros_like(rgb, dtype=np.float64)
-    for i in np.flatnonzero(light_in_air).tolist():
+    for i in np.flatnonzero(light_air_reach).tolist():
         if light_kind[i] == DIRECTIONAL:
             glow = _directional(ray, s, opacity, light_direction[i], extinction=extinction, g=g, paper=paper)
         else:
@@ -126,6 +127,7 @@ def fog(
                 glow = _at_surface(source, ray, s, g=g)
             else:
                 glow = along_ray(source, ray, s, extinction=extinction, g=g, nodes=nodes)
+                glow *= beside(source, ray, air_reach=float(light_air_reach[i]))
         in_scatter += gamma * scattering * glow[..., None] * light_intensity[i]
 
     fog_color = np.asarray(color, dtype=np.float64)
@@ -139,6 +141,13 @@ def fog(
         "in_scatter": in_scatter,
         "airlight": airlight,
     }
+
+
+def beside(lamp: Lamp, ray: Array, *, air_reach: float) -> Array:
+    """Share of the glow that is kept of a lamp at D from the ray: the distance window, its reach `air_reach`."""
+    across = np.cross(lamp.position, ray)
+    D2 = np.einsum("...c,...c->...", across, across) + EPSILON
+    return np.maximum(1 - (D2 / air_reach**2) ** 2, 0.0) ** 2
 
 
 def _directional(

@@ -22,8 +22,11 @@ from tests.fog_inputs import RESULTS, all_kinds, frame, inherent_error, on, refe
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from aw4d.backend_opencl import OpenCLBackend
     from aw4d.gbuffer import GBuffer
+    from aw4d.lights.light import LightArrays
 
 GREY = (0.5, 0.55, 0.6)
 
@@ -298,6 +301,32 @@ def test_a_ray_through_the_light(opencl_device: OpenCLBackend, miss_m: float) ->
     position = ray / np.linalg.norm(ray) * 9 + np.array([miss_m, 0, 0])
     light = Light(kind="point", position=tuple(position.tolist()), intensity=(9, 9, 9), r_max_m=30, frame="camera")
     check_hard(opencl_device, source, [light], params())
+
+
+@pytest.mark.parametrize("sky", [True, False])
+@pytest.mark.parametrize("convention", ["physical", "paper"])
+def test_sorting_lights_into_tiles_changes_no_pixel_of_the_fog(
+    opencl_backend: OpenCLBackend, monkeypatch: pytest.MonkeyPatch, sky: bool, convention: str
+) -> None:
+    """Lamps before, beside and behind the eye, more than a word of bits has."""
+    rng = np.random.default_rng(7)
+    places, aims = rng.uniform((-15, -6, -8), (15, 2, 60), (70, 3)).tolist(), rng.normal(size=(70, 3)).tolist()
+    cones, reaches = rng.uniform(16, 89, 70).tolist(), rng.uniform(0.5, 15, 70).tolist()
+    lights = [
+        _lamp(tuple(place), direction=tuple(aim), kind=kind, outer_deg=cone, r_max_m=reach)
+        for place, aim, kind, cone, reach in zip(places, aims, ["spot", "point"] * 35, cones, reaches, strict=True)
+    ]
+    source = frame(120, 70) if sky else frame(120, 70, sky=np.zeros((70, 120), dtype=bool))
+    p = params(convention=convention)
+    sorted_out = on(opencl_backend, source, lights, p)
+
+    def everything(lights: LightArrays) -> NDArray[np.float32]:
+        return np.full((len(lights), 4), [0, 0, 0, np.inf], dtype=np.float32)
+
+    monkeypatch.setattr("aw4d.backend_opencl.balls", everything)
+    whole = on(opencl_backend, source, lights, p)
+    for name in RESULTS:
+        assert np.array_equal(sorted_out[name], whole[name]), name
 
 
 def test_ten_thousand_lights(opencl_device: OpenCLBackend) -> None:

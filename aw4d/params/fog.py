@@ -43,7 +43,7 @@ class FogParams(Params):
     faintest: float = param(
         5e-4,
         "white",
-        "the glow in the air under which a lamp outside the picture is left out of it; 0 keeps all",
+        "the glow in the air that is too faint to be taken; 0 takes all",
         "",
         low=0,
         high=1,
