@@ -10,8 +10,9 @@ import pytest
 from numpy.typing import NDArray
 
 from aw4d.camera import Camera
-from aw4d.environment import Environment, arrays, environment
+from aw4d.environment import Environment, arrays, environment, prefilter
 from aw4d.environment.latlong import directions, sample, solid_angles, towards
+from aw4d.environment.model import _lobes
 from aw4d.errors import InputError
 from aw4d.params import AmbientParams
 from reference_numpy.brdf import V_SmithGGXCorrelated, alpha_of
@@ -191,3 +192,8 @@ def test_a_white_mirror_in_white_surroundings_loses_only_what_is_reflected_twice
     share = lobes(tables(environment(AmbientParams()))["env_brdf"], NoV, rough)[..., 0].sum(axis=-1)
     assert (share <= 1 + 1e-3).all()
     assert (share > 0.3).all()
+
+
+def test_the_table_of_lobes_in_the_package_is_what_is_made() -> None:
+    # Where it must change: np.save("aw4d/environment/lobes.npy", lobe_table().astype(np.float32))
+    np.testing.assert_allclose(_lobes(), prefilter.lobe_table(), rtol=0, atol=1e-6)

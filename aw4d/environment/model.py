@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property, lru_cache
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from aw4d import cache
 from aw4d.camera import Camera
 from aw4d.environment import latlong, prefilter
 from aw4d.environment.latlong import level_irradiance, sample, solid_angles
-from aw4d.environment.prefilter import SIZE, irradiance_table, lobe_table, specular_table
+from aw4d.environment.prefilter import SIZE, irradiance_table, specular_table
 from reference_numpy.environment import octahedral_grid
 from reference_numpy.srgb import LUMINANCE
 
@@ -129,11 +130,17 @@ def arrays(environment: Environment, camera: Camera, white_cd_m2: float) -> Envi
 @lru_cache(maxsize=2)  # the frames of a clip share them
 def _scaled_tables(environment: Environment, white_cd_m2: float) -> dict[str, NDArray[np.float32]]:
     tables = {name: _texels(table / white_cd_m2) for name, table in environment.tables.items()}
-    tables |= cache.kept("lobes", (_MAKERS,), lambda: {"env_brdf": lobe_table()})
-    held = {name: table.astype(np.float32) for name, table in tables.items()}
+    held = {name: table.astype(np.float32) for name, table in tables.items()} | {"env_brdf": _lobes()}
     for table in held.values():
         table.flags.writeable = False  # so that a backend sees that it has the table already
     return held
+
+
+def _lobes() -> NDArray[np.float32]:
+    """What `prefilter.lobe_table` gives: it depends on nothing, and making it takes a second of a first edit."""
+    with resources.files("aw4d.environment").joinpath("lobes.npy").open("rb") as file:
+        table: NDArray[np.float32] = np.load(file, allow_pickle=False)
+    return table
 
 
 def _texels(table: Array) -> Array:
