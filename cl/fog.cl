@@ -194,6 +194,12 @@ static inline bool misses(const float4 ball, const float3 b, const float half_an
     return miss2 > (ball.w + slack) * (ball.w + slack) || !ANYW(s > t - ball.w - slack);
 }
 
+/* Whether what a lamp sends to the eye, by however short a way, fades to under 1e-40: exp_negative ends at 1e-38. */
+static inline bool fades_out(const float3 lamp, const float extinction)
+{
+    return extinction * extinction * dot(lamp, lamp) > 92.0f * 92.0f;
+}
+
 __kernel void fog(
     __global float *restrict rgb,                       /* scene-linear; edited in place */
     __global const float *restrict depth,               /* [m] */
@@ -249,7 +255,8 @@ __kernel void fog(
 
     const float scattering = alpha * sigma_s;
     const float extinction = alpha * (sigma_s + sigma_a);
-    const floatw T = exp_negative(-extinction * s);
+    const floatw half_way = exp_negative(-0.5f * extinction * s); /* its square underflows long before what it leaves of 1e5 does */
+    const floatw T = half_way * half_way;
     const floatw opacity = one_minus_exp(extinction * s, T);
 
     const float3 bundle = normalize((float3)((u0 + 0.5f * (W - 1) - cx) / fx, ray.ky, 1.0f));
@@ -260,6 +267,8 @@ __kernel void fog(
         if (!light_in_air[l])
             continue;
         if (kind != DIRECTIONAL && convention != PAPER && misses(vload4(l, light_ball), bundle, half_angle, s))
+            continue;
+        if (kind != DIRECTIONAL && convention != PAPER && fades_out(vload3(l, light_position), extinction))
             continue;
         const float3 E = vload3(l, light_intensity) * (gamma * scattering);
         floatw glow;
@@ -281,12 +290,12 @@ __kernel void fog(
     }
 
     const float albedo = convention == PAPER || extinction == 0.0f ? 0.0f : scattering / extinction;
-    const floatw keep = fma(-beta, opacity, 1.0f);
+    const floatw keep = fma(T, (floatw)beta, (floatw)(1.0f - beta)); /* 1 - beta opacity, of which a dense fog leaves few digits */
     const floatw air = fma(keep, albedo, beta) * opacity;
-    const floatw fade = keep * T;
-    STOREW(fma(fade, LOADW(rgb + i), fma(keep, r, air * color.x)), rgb + i);
-    STOREW(fma(fade, LOADW(rgb + i + plane), fma(keep, g_, air * color.y)), rgb + i + plane);
-    STOREW(fma(fade, LOADW(rgb + i + 2 * plane), fma(keep, b, air * color.z)), rgb + i + 2 * plane);
+    const floatw fade = keep * half_way;
+    STOREW(fma(fade, half_way * LOADW(rgb + i), fma(keep, r, air * color.x)), rgb + i);
+    STOREW(fma(fade, half_way * LOADW(rgb + i + plane), fma(keep, g_, air * color.y)), rgb + i + plane);
+    STOREW(fma(fade, half_way * LOADW(rgb + i + 2 * plane), fma(keep, b, air * color.z)), rgb + i + 2 * plane);
 #ifdef LAYERS
     STOREW(T, transmittance + i);
     STOREW(keep * r, in_scatter + i);
