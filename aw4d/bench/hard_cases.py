@@ -86,6 +86,12 @@ def _spike(source: GBuffer) -> dict[str, NDArray[Any]]:
     return {"depth": depth}
 
 
+def _near_and_far(source: GBuffer) -> dict[str, NDArray[Any]]:
+    """A millimetre beside a hundred kilometres."""
+    depth = np.random.default_rng(3).choice(np.float32([1e-3, 1e-3, 1e-3, 1e5]), source["depth"].shape)
+    return {"depth": depth, "sky": np.zeros_like(source["sky"])}
+
+
 def _one_bright(source: GBuffer) -> dict[str, NDArray[Any]]:
     rgb = np.zeros_like(source["rgb"])
     rgb[rgb.shape[0] // 2, rgb.shape[1] // 2] = 1e5
@@ -178,10 +184,12 @@ def _fog() -> list[Case]:
 
 def _depth() -> list[Case]:
     planes = {f"{z:g} m everywhere": _even(depth=z) for z in (1e-3, 1.0, 60.0, 1e5)}
-    planes |= {"in 8 bits": _stepped, "a spike of one pixel": _spike}
-    return [
+    planes |= {"in 8 bits": _stepped, "a spike of one pixel": _spike, "1 mm beside 100 km": _near_and_far}
+    cases = [
         Case(family="depth", name=name, reads=("depth",), scenery=Scenery(planes=made)) for name, made in planes.items()
     ]
+    up = Scenery(rotation=turned(0, 90, 0), planes=_near_and_far, params={"occlusion_radius_m": 100.0})
+    return [*cases, Case(family="depth", name="occluded from afar", steps=("ambient",), scenery=up)]
 
 
 def _shape() -> list[Case]:
