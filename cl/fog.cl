@@ -197,6 +197,12 @@ static inline bool misses(const float4 ball, const float3 b, const float half_an
     return miss2 > (ball.w + slack) * (ball.w + slack) || !ANYW(s > t - ball.w - slack);
 }
 
+/* Whether what a lamp sends to the eye, by however short a way, fades to under 1e-40: exp_negative ends at 1e-38. */
+static inline bool fades_out(const float3 lamp, const float extinction)
+{
+    return extinction * extinction * dot(lamp, lamp) > 92.0f * 92.0f;
+}
+
 __kernel void fog_tiles(
     __global const float *restrict depth,               /* [m] */
     __global const uchar *restrict sky,
@@ -204,10 +210,16 @@ __kernel void fog_tiles(
     const int height, const int pitch,                  /* [px] */
     const float fx, const float fy, const float cx, const float cy,  /* [px] */
     const int light_count,
+    __global const int *restrict light_kind,
+    __global const float *restrict light_position,      /* [m] camera frame */
     __global const float *restrict light_air_reach,     /* [m] */
     __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
-    const float extent_m)                               /* [m] */
+    const float sigma_s, const float sigma_a,           /* [1/m] */
+    const float alpha,
+    const float extent_m,                               /* [m] */
+    const int convention)
 {
+    const float extinction = alpha * (sigma_s + sigma_a);
     const int words = (light_count + 31) / 32;
     __global uint *restrict out = tile_lights + words * (get_global_id(1) * get_global_size(0) + get_global_id(0));
     Frustum tile = frustum(
@@ -215,8 +227,11 @@ __kernel void fog_tiles(
     tile.near = 0.0f; /* the air before the surfaces is lit, too */
     for (int word = 0; word < words; word++) {
         uint bits = 0;
-        for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1)
-            bits |= light_air_reach[lowest(word, met)] > 0.0f ? met & -met : 0u;
+        for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1) {
+            const int l = lowest(word, met);
+            const bool near = light_kind[l] == DIRECTIONAL || convention == PAPER || !fades_out(vload3(l, light_position), extinction);
+            bits |= near && light_air_reach[l] > 0.0f ? met & -met : 0u;
+        }
         out[word] = bits;
     }
 }
@@ -280,7 +295,8 @@ __kernel void fog(
 
     const float scattering = alpha * sigma_s;
     const float extinction = alpha * (sigma_s + sigma_a);
-    const floatw T = exp_negative(-extinction * s);
+    const floatw half_way = exp_negative(-0.5f * extinction * s); /* its square underflows long before what it leaves of 1e5 does */
+    const floatw T = half_way * half_way;
     const floatw opacity = one_minus_exp(extinction * s, T);
 
     const float3 bundle = normalize((float3)((u0 + 0.5f * (W - 1) - cx) / fx, ray.ky, 1.0f));
@@ -313,12 +329,12 @@ __kernel void fog(
     }
 
     const float albedo = convention == PAPER || extinction == 0.0f ? 0.0f : scattering / extinction;
-    const floatw keep = fma(-beta, opacity, 1.0f);
+    const floatw keep = fma(T, (floatw)beta, (floatw)(1.0f - beta)); /* 1 - beta opacity, of which a dense fog leaves few digits */
     const floatw air = fma(keep, albedo, beta) * opacity;
-    const floatw fade = keep * T;
-    STOREW(fma(fade, LOADW(rgb + i), fma(keep, r, air * color.x)), rgb + i);
-    STOREW(fma(fade, LOADW(rgb + i + plane), fma(keep, g_, air * color.y)), rgb + i + plane);
-    STOREW(fma(fade, LOADW(rgb + i + 2 * plane), fma(keep, b, air * color.z)), rgb + i + 2 * plane);
+    const floatw fade = keep * half_way;
+    STOREW(fma(fade, half_way * LOADW(rgb + i), fma(keep, r, air * color.x)), rgb + i);
+    STOREW(fma(fade, half_way * LOADW(rgb + i + plane), fma(keep, g_, air * color.y)), rgb + i + plane);
+    STOREW(fma(fade, half_way * LOADW(rgb + i + 2 * plane), fma(keep, b, air * color.z)), rgb + i + 2 * plane);
 #ifdef LAYERS
     STOREW(T, transmittance + i);
     STOREW(keep * r, in_scatter + i);

@@ -120,6 +120,12 @@ static inline bool is_near(__global const float *restrict piece, const float x, 
     return across < reach && beyond < reach;
 }
 
+/* From a to 1 by a share. 1 - (1 - a) (1 - share) would round to the digits of 1. */
+static inline floatw up_to_one(const float a, const floatw share)
+{
+    return fma(1.0f - share, (floatw)a, share);
+}
+
 /* Share of the snow that vehicles have left on the lanes `wanted`, 1 where none drove. */
 static inline floatw kept_in_tracks(
     const Place place, const floatw wobble, const intw wanted,
@@ -149,9 +155,9 @@ static inline floatw kept_in_tracks(
         if (!found)
             continue;
         const floatw aside = fabs(fma(side, sqrt(nearest2), wobble)) - 0.5f * gauge;
-        const floatw rut = 1.0f - smooth_ramp((fabs(aside) - (0.5f * width - EDGE)) * (0.5f / EDGE));
-        const floatw lane = 1.0f - smooth_ramp(aside * (1.0f / SHOULDER));
-        kept = fmin(kept, fma(rut, share - 1.0f, 1.0f) * fma(lane, middle - 1.0f, 1.0f));
+        const floatw off_rut = smooth_ramp((fabs(aside) - (0.5f * width - EDGE)) * (0.5f / EDGE));
+        const floatw off_lane = smooth_ramp(aside * (1.0f / SHOULDER));
+        kept = fmin(kept, up_to_one(share, off_rut) * up_to_one(middle, off_lane));
     }
     return kept;
 }
@@ -313,7 +319,7 @@ __kernel void snow_cover(
                 const floatw kept = kept_in_tracks(
                     place, WOBBLE * fma(octave, 2.0f, -1.0f), driven, track_segment, track_path, track_count,
                     track_gauge_m, track_width_m, track_share, track_middle);
-                ground *= SELECTW(driven, road_share * fma(road_bare, thin - 1.0f, 1.0f) * kept, 1.0f);
+                ground *= SELECTW(driven, road_share * up_to_one(1.0f - road_bare, thin) * kept, 1.0f);
             }
         }
         const floatw along_x = ground * bumps * snow.along_x, along_z = ground * bumps * snow.along_z;

@@ -4,6 +4,17 @@
 
 #define PAPER 1 /* convention */
 
+/* (1 + n.up) / 2 of unit vectors, by the way from n to the nearer one of up and down: cosines near -1 or 1 have few digits. */
+static inline floatw open_to_the_sky(
+    const floatw nx, const floatw ny, const floatw nz, const float ux, const float uy, const float uz)
+{
+    const intw below = fma(nx, ux, fma(ny, uy, nz * uz)) < 0.0f;
+    const floatw side = SELECTW(below, 1.0f, -1.0f);
+    const floatw x = fma(side, (floatw)ux, nx), y = fma(side, (floatw)uy, ny), z = fma(side, (floatw)uz, nz);
+    const floatw off = 0.25f * fma(x, x, fma(y, y, z * z));
+    return SELECTW(below, off, 1.0f - off);
+}
+
 /* Albedo of a channel, wet and porous to `share`. */
 static inline floatw wetted(const floatw dry, const floatw share, const floatw through, const float water, const int paper)
 {
@@ -42,7 +53,7 @@ __kernel void wet_ground(
     const floatw nx = LOADW(normal + i), ny = LOADW(normal + i + plane), nz = LOADW(normal + i + 2 * plane);
     const floatw unit = RSQRTW(fma(nx, nx, fma(ny, ny, nz * nz)));
     const floatw dry_roughness = LOADW(roughness + i);
-    const floatw open = fma(0.5f * unit, fma(nx, up[0], fma(ny, up[1], nz * up[2])), 0.5f);
+    const floatw open = open_to_the_sky(nx * unit, ny * unit, nz * unit, up[0], up[1], up[2]);
     const intw drivable = LOADMASKW(road + i);
     const floatw reached = paper ? SELECTW(drivable, 1.0f, 0.0f) : open * open;
     const floatw closed = paper ? (floatw)(1.0f) : SELECTW(drivable, 1.0f, film);

@@ -132,7 +132,7 @@ def fog(
 
     fog_color = np.asarray(color, dtype=np.float64)
     albedo = 0.0 if paper or extinction == 0 else scattering / extinction
-    keep = 1 - beta * opacity
+    keep = (1 - beta) + beta * transmittance
     in_scatter *= keep[..., None]
     airlight = (keep * albedo * opacity + beta * opacity)[..., None] * fog_color
     return {

@@ -71,8 +71,10 @@ def night_grade(
         code = np.minimum(code, 1.0)
     graded = decode(np.minimum(code * factors(strength), 1.0))
     rows = ROWS if paper else len(sky)
-    weight = sky_weight(sky, dilate_px=sky_dilate_px, blur_px=sky_blur_px, rows=rows)
-    return {"rgb": graded * (1 - (1 - sky_factor) * weight)[..., None], "sky_weight": weight}
+    grown = _grown(sky, sky_dilate_px, rows)
+    weight, beside = (_smoothed(mask, sky_blur_px, rows) for mask in (grown, ~grown))
+    kept = sky_factor + (1 - sky_factor) * beside  # 1 - (1 - sky_factor) w, which cancels where w is 1
+    return {"rgb": graded * kept[..., None], "sky_weight": weight}
 
 
 def nearest_rank(values: Array, percentile: int) -> float:
@@ -97,13 +99,20 @@ def sky_weight(sky: NDArray[np.bool_], *, dilate_px: int, blur_px: int, rows: in
 
     The dilation reaches whole pixels, the blur to 3 standard deviations. Beyond its border the picture goes on.
     """
-    dilate = (2 * dilate_px * rows + ROWS) // (2 * ROWS)  # nearest, and in integers: the same everywhere
-    grown = _dilated(_dilated(sky, dilate).T, dilate).T.astype(np.float64)
+    return _smoothed(_grown(sky, dilate_px, rows), blur_px, rows)
+
+
+def _grown(mask: NDArray[np.bool_], dilate_px: int, rows: int) -> NDArray[np.bool_]:
+    reach = (2 * dilate_px * rows + ROWS) // (2 * ROWS)  # nearest, and in integers: the same everywhere
+    return _dilated(_dilated(mask, reach).T, reach).T
+
+
+def _smoothed(mask: NDArray[np.bool_], blur_px: int, rows: int) -> Array:
     reach = -(-3 * blur_px * rows // ROWS)
     sigma = max(blur_px, 1) * rows / ROWS  # without a blur there is one tap, whatever its width
     taps = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     taps /= taps.sum()
-    return _blurred(_blurred(grown, taps).T, taps).T
+    return _blurred(_blurred(mask.astype(np.float64), taps).T, taps).T
 
 
 def _dilated(mask: NDArray[np.bool_], reach: int) -> NDArray[np.bool_]:

@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 DIRECTIONS = ((1, 0), (0, 1), (1, 1), (-1, 1), (2, 1), (-1, 2), (1, 2), (-2, 1))
 FIRST = 2  # [px] the nearest sample at a focal length below 1536 px; every further one is twice as far
 MIN_NOV = 1e-3
+SOFTENING_M = 1e-6  # of distances, so that none is 0; a sum, as in the kernel: a millimetre away it shows
 
 
 def reach_scale(fx: float) -> int:
@@ -73,10 +74,10 @@ def ambient_occlusion(
                 deeper = z - depth
                 offset = step * way * z[..., None]
                 to = ray * deeper[..., None] + offset
-                d2 = np.einsum("...c,...c->...", to, to)
+                d2 = np.einsum("...c,...c->...", to, to) + SOFTENING_M**2
                 towards_eye = -deeper * stretch - np.einsum("...c,...c->...", offset, ray) / stretch
                 weight = np.clip(1 - d2 / occlusion_radius_m**2, 0.0, 1.0) ** 2
-                cosine = towards_eye / np.sqrt(np.maximum(d2, 1e-12))
+                cosine = towards_eye / np.sqrt(d2)
                 horizon = np.maximum(horizon, weight * (cosine + side * sin_g) - side * sin_g)
             seen += length * _arc(horizon, side, sin_g, cos_g, g)
         open_ += length * (cos_g + g * sin_g)

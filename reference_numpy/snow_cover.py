@@ -156,6 +156,16 @@ def coverage(height: Array, *, cover_cm: float, gamma: float, convention: str) -
     return np.asarray((-np.expm1(-height / (cover_cm / 100))) ** gamma, dtype=np.float64)
 
 
+def bareness(height: Array, *, cover_cm: float, gamma: float, convention: str) -> Array:
+    """1 less the coverage, to all its digits where next to nothing is bare."""
+    with np.errstate(divide="ignore"):  # no snow hides nothing: the logarithm of 0
+        if convention == "paper":
+            log_c = -np.log1p(np.exp(-WEIGHT * (height - BIAS)))
+        else:
+            log_c = np.log1p(-np.exp(-height / (cover_cm / 100)))
+    return np.asarray(-np.expm1(gamma * log_c), dtype=np.float64)
+
+
 def lying(
     point: Array,
     *,
@@ -340,16 +350,19 @@ def snow_cover(
         convention=convention,
     )
     covered = coverage(height, cover_cm=cover_cm, gamma=gamma, convention=convention) * open_to_snow
+    slips = np.where(sky, 1, gate(up_flat + up_steep - n_up, up_flat=up_flat, up_steep=up_steep))
+    bare = slips + bareness(height, cover_cm=cover_cm, gamma=gamma, convention=convention) * open_to_snow
+    bare = np.where(covered == 0, 1, bare)  # the sum is rounded; what no snow lies on keeps its bits
     height = height * open_to_snow
     share = covered[..., None]
     return {
-        "albedo": albedo + share * (np.asarray(snow_albedo) - albedo),
+        "albedo": share * np.asarray(snow_albedo) + bare[..., None] * albedo,
         "normal": _tilted(normal, slope, covered, 1 / max_slope**2 + grazing2),
-        "roughness": roughness + covered * (snow_roughness - roughness),
-        "metallic": metallic * (1 - covered),
+        "roughness": covered * snow_roughness + bare * roughness,
+        "metallic": metallic * bare,
         "depth": depth * (1 - _raised(height * n_up, n_point)) if displacement else depth,
         "snow_coverage": covered,
-        "snow_bare": 1 - covered,
+        "snow_bare": bare,
         "snow_height": height,
     }
 

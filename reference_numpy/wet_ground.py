@@ -31,6 +31,16 @@ def unit_normals(normal: Array) -> Array:
     return normal / np.maximum(length, 1e-18)[..., None]
 
 
+def open_to_the_sky(n: Array, up: Array) -> Array:
+    """Share of the sky that surfaces of unit normals face, (1 + n.up) / 2.
+
+    Taken by the way from n to the nearer one of up and down, |n + up|^2 / 4 or 1 - |n - up|^2 / 4: below an overhang a
+    rounded `up` leaves n.up + 1 no digits.
+    """
+    above, below = (np.einsum("...c,...c->...", way, way) / 4 for way in (n - up, n + up))
+    return np.where(n @ up < 0, below, 1 - above)
+
+
 def porousness(roughness: Array, metallic: Array) -> Array:
     """How porous surfaces are, 0 to 1. Lagarde 2013 ("Water drop 3b")."""
     out: Array = np.clip((roughness - 0.5) / 0.4, 0.0, 1.0) * (1 - metallic)
@@ -98,7 +108,7 @@ def wet_ground(
         p = np.full(roughness.shape, porosity)
         water, smooth = np.full_like(albedo, water_albedo), np.full(roughness.shape, water_roughness)
     else:
-        wet = intensity * ((1 + n @ np.asarray(up)) / 2) ** 2 * snow_bare
+        wet = intensity * open_to_the_sky(n, np.asarray(up)) ** 2 * snow_bare
         p = porosity * porousness(roughness, metallic)
         water, smooth = np.minimum(albedo, water_albedo), np.minimum(roughness, water_roughness)
         closed[~road] = film

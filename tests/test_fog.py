@@ -424,6 +424,10 @@ def test_impossible_parameters_are_refused(wrong: dict[str, Any], named: str) ->
         params(**wrong)
 
 
+def test_no_fog_at_all_whatever_would_absorb() -> None:
+    assert FogParams(alpha=0.0, sigma_a=1.0).extinction == 0
+
+
 def test_visibility_and_coefficients_describe_the_same_fog() -> None:
     by_visibility = params(visibility_m=100.0)
     by_sigma = params(visibility_m=None, sigma_s=KOSCHMIEDER / 100)

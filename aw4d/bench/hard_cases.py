@@ -67,6 +67,14 @@ def _grazing(cosine: float) -> Callable[[GBuffer], dict[str, NDArray[Any]]]:
     return planes
 
 
+def _overhanging(source: GBuffer) -> dict[str, NDArray[Any]]:
+    """Surfaces that face straight down, to some hundredths."""
+    up, n = source.camera.camera_to_world[1, :3], source["normal"].astype(np.float64)
+    normal = 0.02 * n - up
+    normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    return {"normal": normal.astype(np.float32), "sky": np.zeros_like(source["sky"])}
+
+
 def _stepped(source: GBuffer) -> dict[str, NDArray[Any]]:
     steps = np.maximum(np.round(source["depth"] / 150 * 255) / 255 * 150, 0.5)
     return {"depth": steps.astype(np.float32)}
@@ -76,6 +84,12 @@ def _spike(source: GBuffer) -> dict[str, NDArray[Any]]:
     depth = source["depth"].copy()
     depth[depth.shape[0] // 2, depth.shape[1] // 2] = 1e4
     return {"depth": depth}
+
+
+def _near_and_far(source: GBuffer) -> dict[str, NDArray[Any]]:
+    """A millimetre beside a hundred kilometres."""
+    depth = np.random.default_rng(3).choice(np.array([1e-3, 1e-3, 1e-3, 1e5], np.float32), source["depth"].shape)
+    return {"depth": depth, "sky": np.zeros_like(source["sky"])}
 
 
 def _one_bright(source: GBuffer) -> dict[str, NDArray[Any]]:
@@ -95,6 +109,8 @@ def _surface() -> list[Case]:
         Case(family="surface", name=f"n.v = {cosine:g}", reads=("normal",), scenery=Scenery(planes=_grazing(cosine)))
         for cosine in (0.0, 1e-7, 1e-3, -0.2)
     ]
+    below = Scenery(size=(5, 1), seed=1, planes=_overhanging)
+    cases.append(Case(family="surface", name="facing down", reads=("normal",), scenery=below))
     for value in (0.0, 1.0):
         cases.append(
             Case(
@@ -148,6 +164,16 @@ def _fog() -> list[Case]:
              scenery=Scenery(params={"sigma_s": sigma, "g": g}))
         for sigma, g in densities
     ]  # fmt: skip
+    blended = Scenery(params={"visibility_m": 1.0, "beta": 1.0})
+    cases.append(Case(family="fog", name="dense, blended as a whole", steps=("fog",), scenery=blended))
+    black = Scenery(
+        params={"color": (0, 0, 0), "gamma": 0.0, "visibility_m": 1.0}, planes=_even(rgb=1e5, depth=25.0, sky=False)
+    )
+    cases.append(Case(family="fog", name="next to nothing left", steps=("fog",), scenery=black))
+    far = Scenery(
+        lights=(lamp((3.0, -2.0, 60.0), kind="point", r_max_m=150.0),), params={"sigma_s": 10.0, "gamma": 300.0}
+    )
+    cases.append(Case(family="fog", name="a lamp that nobody sees", steps=("fog",), scenery=far))
     near = {
         f"a ray {miss:g} m beside a lamp": lamp((0.3 + miss, -0.2, 8.0), kind="point") for miss in (0.0, 1e-4, 1e-3)
     }
@@ -158,10 +184,12 @@ def _fog() -> list[Case]:
 
 def _depth() -> list[Case]:
     planes = {f"{z:g} m everywhere": _even(depth=z) for z in (1e-3, 1.0, 60.0, 1e5)}
-    planes |= {"in 8 bits": _stepped, "a spike of one pixel": _spike}
-    return [
+    planes |= {"in 8 bits": _stepped, "a spike of one pixel": _spike, "1 mm beside 100 km": _near_and_far}
+    cases = [
         Case(family="depth", name=name, reads=("depth",), scenery=Scenery(planes=made)) for name, made in planes.items()
     ]
+    up = Scenery(rotation=turned(0, 90, 0), planes=_near_and_far, params={"occlusion_radius_m": 100.0})
+    return [*cases, Case(family="depth", name="occluded from afar", steps=("ambient",), scenery=up)]
 
 
 def _shape() -> list[Case]:
@@ -182,9 +210,23 @@ def _place() -> list[Case]:
     for name, x in (("on", 0.0), ("an ulp below", -1e-5), ("an ulp above", 1e-5)):
         border = Scenery(place=(BLOCK_M + x, -BLOCK_M + x))
         cases.append(Case(family="place", name=f"{name} a block's border", steps=ANCHORED, scenery=border))
-    turns = {"rolled": (0, 5, 37), "pitched down": (20, 90, 0), "pitched up": (0, -90, 10), "upside down": (0, 0, 180)}
+    turns = {"rolled": (0, 5, 37), "pitched up": (20, 90, 0), "pitched down": (0, -90, 10), "upside down": (0, 0, 180)}
     return cases + [
         Case(family="place", name=name, scenery=Scenery(rotation=turned(*angles))) for name, angles in turns.items()
+    ]
+
+
+def _snow() -> list[Case]:
+    """Next to nothing left of it, and next to nothing that it leaves bare."""
+    ahead, below = {"size": (17, 13), "rotation": turned(0, -60, 10)}, {"size": (5, 1), "rotation": turned(0, -90, 10)}
+    settings: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
+        "next to none in the ruts": ({"track_share": 1e-3, "track_middle": 1e-3}, ahead),
+        "none on half of the road": ({"road_bare": 1.0}, ahead),
+        "hides all": ({"cover_cm": 0.1}, below | {"seed": 1}),
+    }
+    return [
+        Case(family="snow", name=name, steps=("snow_cover",), scenery=Scenery(params=params, **seen))
+        for name, (params, seen) in settings.items()
     ]
 
 
@@ -221,12 +263,14 @@ def _particles() -> list[Case]:
 def _exposure() -> list[Case]:
     planes = {"all black": _even(rgb=0.0), "all white": _even(rgb=1.0), "all 1e5": _even(rgb=1e5)}
     planes |= {"one pixel of 1e5": _one_bright, "next to black": _even(rgb=1e-30)}
-    return [
+    black = Scenery(size=(7, 13), params={"sky_factor": 0.0}, planes=_even(sky=True))
+    dark = Case(family="exposure", name="nothing left of the sky", steps=("night_grade",), scenery=black)
+    return [dark] + [
         Case(family="exposure", name=name, reads=("rgb",), scenery=Scenery(planes=made))
         for name, made in planes.items()
     ]
 
 
 CASES: tuple[Case, ...] = (
-    *_surface(), *_lights(), *_fog(), *_depth(), *_shape(), *_place(), *_time(), *_particles(), *_exposure()
+    *_surface(), *_lights(), *_fog(), *_depth(), *_shape(), *_place(), *_snow(), *_time(), *_particles(), *_exposure()
 )  # fmt: skip

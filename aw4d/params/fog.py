@@ -63,7 +63,7 @@ class FogParams(Params):
     def _resolve_density(self) -> None:
         if self.sigma_s is None:
             visibility = self.visibility_m if self.visibility_m is not None else DEFAULT_VISIBILITY_M
-            sigma_t = KOSCHMIEDER / visibility / self.alpha if self.alpha > 0 else 0.0
+            sigma_t = KOSCHMIEDER / visibility / self.alpha if self.alpha > 0 else self.sigma_a
             if sigma_t < self.sigma_a:
                 raise InputError(
                     f"visibility_m: expected at most {KOSCHMIEDER / self.sigma_a / self.alpha:g} m with sigma_a = "
