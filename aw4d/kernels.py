@@ -22,23 +22,30 @@ class Kernel:
         self._cl = cl
         self._kernel = kernel
         self.types = types
+        self._set: dict[str, Any] = {}  # what the driver has been told: telling costs more than comparing
 
     def enqueue(
         self, queue: Any, size: tuple[int, int], group: tuple[int, int] | None, at_hand: dict[str, Any]
     ) -> None:
         """Set every argument and enqueue over (columns, rows) of work-items, in groups of that size or the driver's."""
         for i, (name, kind) in enumerate(self.types.items()):
-            self._kernel.set_arg(i, self._convert(name, kind, at_hand[name]))
+            value = at_hand[name]
+            if name in self._set and (self._set[name] is value if kind.endswith("*") else self._set[name] == value):
+                continue
+            self._kernel.set_arg(i, _converted(name, kind, value))
+            self._set[name] = value
         self._cl.enqueue_nd_range_kernel(queue, self._kernel, size, group)
 
-    def _convert(self, name: str, kind: str, value: Any) -> Any:
-        if kind.endswith("*"):
-            return value
-        if kind == "float3":
-            return np.array([*value, 0], dtype=np.float32)
-        if kind in ("float", "int"):
-            return np.dtype(kind.replace("float", "float32").replace("int", "int32")).type(value)
-        raise TypeError(f"{name}: arguments of type {kind} are not bound")
+
+def _converted(name: str, kind: str, value: Any) -> Any:
+    """The value as the driver takes it."""
+    if kind.endswith("*"):
+        return value
+    if kind == "float3":
+        return np.array([*value, 0], dtype=np.float32)
+    if kind in ("float", "int"):
+        return np.dtype(kind.replace("float", "float32").replace("int", "int32")).type(value)
+    raise TypeError(f"{name}: arguments of type {kind} are not bound")
 
 
 def build(

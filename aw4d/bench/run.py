@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
@@ -193,6 +194,12 @@ def _timed(found: Found, name: str) -> Iterator[None]:
     found.seconds[name] = found.seconds.get(name, 0.0) + time.perf_counter() - start
 
 
+def _recorded(clips: Sequence[Clip]) -> Iterator[Case]:
+    for clip, weather in product(clips, passes.MEASURED):
+        made, index = plan(clip, weather), len(clip) // 2
+        yield Case(scene=clip.info.name, frame=clip.frame(index, made.planes), index=index, made=made)
+
+
 class _Bench:
     """The sections that share frames and devices."""
 
@@ -210,30 +217,24 @@ class _Bench:
         self.frame = frames[scale.at]
 
     def passes(self, clips: Sequence[Clip], absent: Sequence[str]) -> None:
-        """Every pass on every backend: the street and random planes at all sizes, and a frame of each clip."""
+        """Every pass on every backend: the street and random planes at all sizes, and a frame of each clip.
+
+        Large sizes come last: the time that the reference may take ends there, not on a clip.
+        """
         reference = Reference(left_s=self.scale.numpy_s, longest_s=self.scale.longest_s)
-        cases = [
-            (weather, scene, size)
-            for size in self.scale.sizes
-            for scene in ("street", "random")
-            for weather in passes.MEASURED
-        ]
-        for weather, scene, size in cases:
-            frame = self.frames[size]
-            frame = frame if scene == "street" else random_frame(frame.camera)
-            made = for_camera(plan(self.street, weather), frame.camera)
-            self._pass(Case(scene=scene, frame=with_planes(frame, made.planes), index=FRAME, made=made), reference)
-        for clip in clips:
-            for weather in passes.MEASURED:
-                made, index = plan(clip, weather), len(clip) // 2
-                frame = clip.frame(index, made.planes)
-                self._pass(Case(scene=clip.info.name, frame=frame, index=index, made=made), reference)
+        large = [size for size in self.scale.sizes if size[0] > self.scale.at[0]]
+        small = [size for size in self.scale.sizes if size not in large]
+        for case in chain(self._drawn(small), _recorded(clips), self._drawn(large)):
+            rows, left_out = passes.measure(case, self.backends, self.limits, reference, self.scale.runs)
+            self.found.passes += rows
+            self.found.left_out += left_out
         self.found.pixels = curves.by_pixels(self.found.passes)
 
-    def _pass(self, case: Case, reference: Reference) -> None:
-        rows, left_out = passes.measure(case, self.backends, self.limits, reference, self.scale.runs)
-        self.found.passes += rows
-        self.found.left_out += left_out
+    def _drawn(self, sizes: Sequence[tuple[int, int]]) -> Iterator[Case]:
+        for size, scene, weather in product(sizes, ("street", "random"), passes.MEASURED):
+            frame = self.frames[size] if scene == "street" else random_frame(self.frames[size].camera)
+            made = for_camera(plan(self.street, weather), frame.camera)
+            yield Case(scene=scene, frame=with_planes(frame, made.planes), index=FRAME, made=made)
 
     def peers(self, clips: Sequence[Clip], absent: Sequence[str]) -> None:
         """Peers of the same arithmetic, and what people use today."""
