@@ -13,11 +13,11 @@ from aw4d.clip import Clip, ClipInfo
 from aw4d.environment import Environment, arrays, environment
 from aw4d.gbuffer import GBuffer
 from aw4d.lights.ego import headlights
-from aw4d.lights.faces import street_lamp_faces
+from aw4d.lights.faces import add_street_lamp_faces
 from aw4d.lights.light import Light, in_camera, read_lights, switched_on
 from aw4d.lights.poles import pole_lamps
 from aw4d.lights.street_lamps import street_lamps
-from aw4d.lights.vehicles import vehicle_emission, vehicle_lights
+from aw4d.lights.vehicles import add_vehicle_faces, vehicle_lights
 from aw4d.params import ExposureParams
 from aw4d.scene import Scene
 from aw4d.weathers import Settings
@@ -70,24 +70,25 @@ class Lighting:
         tables = arrays(self.environment, camera, self.white_cd_m2).arguments()
         return Scene(lights=in_camera(lights, camera), environment=tables)
 
-    def emissive(self, frame: GBuffer, index: int) -> NDArray[np.float32]:
-        """Radiance that the surfaces send by themselves, (H, W, 3): the clip's own and the vehicles' lamps.
+    def emissive(self, frame: GBuffer, index: int) -> NDArray[np.float32] | None:
+        """Radiance that the surfaces send by themselves, (H, W, 3): the clip's own and the lamps'; None for none.
 
         Traffic lights were recorded at the brightness of their day; they keep it on the picture's scale, as a camera
         that exposes for the night shows them as white-hot as the day's shows them.
         """
-        if self.settings.lights.traffic and "emissive" in frame:
-            out = frame["emissive"].copy()
-        else:
-            out = np.zeros((*frame.camera.shape, 3), dtype=np.float32)
-        if lamps := [light for light in self.standing if light.name.startswith(("street-", "pole-"))]:
+        lamps = [light for light in self.standing if light.name.startswith(("street-", "pole-"))]
+        burning = frozenset(light.name for light in self._moving(index) if "vehicle" in frame)
+        if not (lamps or burning or "emissive" in frame):
+            return None
+        traffic = self.settings.lights.traffic and "emissive" in frame
+        out = frame["emissive"].copy() if traffic else np.zeros((*frame.camera.shape, 3), dtype=np.float32)
+        white = self.white_cd_m2
+        if lamps:
             street = self.settings.street_lamps
-            out += street_lamp_faces(
-                lamps, frame["depth"], frame["sky"], frame.camera, street, white_cd_m2=self.white_cd_m2
-            )
-        if "vehicle" in frame and (burning := frozenset(light.name for light in self._moving(index))):
+            add_street_lamp_faces(out, lamps, frame["depth"], frame["sky"], frame.camera, street, white_cd_m2=white)
+        if burning:
             own = self.settings.vehicle_lights
-            out += vehicle_emission(self.info, index, frame, own, white_cd_m2=self.white_cd_m2, lit=burning)
+            add_vehicle_faces(out, self.info, index, frame, own, white_cd_m2=white, lit=burning)
         return out
 
 

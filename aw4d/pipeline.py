@@ -197,8 +197,9 @@ def prepare(frame: GBuffer, made: Plan, index: int) -> GBuffer:
     """A frame of the clip as the steps take it: with all that shines by itself, over another renderer's light."""
     if made.settings.ambient.frames:
         frame = frame.with_plane("rgb", rendered(Path(made.settings.ambient.frames), index, frame.camera.shape))
-    if any(step.name == "spot_lights" for step in made.steps):
-        frame = frame.with_plane("emissive", made.lighting.emissive(frame, index))
+    lit = any(step.name == "spot_lights" for step in made.steps)
+    if lit and (emissive := made.lighting.emissive(frame, index)) is not None:
+        frame = frame.with_plane("emissive", emissive)
     return frame
 
 

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
 
+@lru_cache(maxsize=16)
 def gauss_legendre(nodes: int) -> tuple[Array, Array]:
-    """Abscissae and weights of Gauss-Legendre quadrature on [-1, 1], (nodes,) each."""
+    """Abscissae and weights of Gauss-Legendre quadrature on [-1, 1], (nodes,) each; nobody can write to them."""
     x, w = np.polynomial.legendre.leggauss(nodes)
+    x.flags.writeable = w.flags.writeable = False
     return x, w
 
 

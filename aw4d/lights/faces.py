@@ -59,7 +59,8 @@ def add_disc(
     out[window] += (seen[..., None] * np.asarray(radiance)).astype(np.float32)
 
 
-def street_lamp_faces(
+def add_street_lamp_faces(
+    out: NDArray[np.float32],
     lights: Sequence[Light],
     depth: NDArray[np.floating],
     sky: NDArray[np.bool_],
@@ -67,11 +68,13 @@ def street_lamp_faces(
     params: StreetLampParams,
     *,
     white_cd_m2: float,
-) -> NDArray[np.float32]:
-    """Radiance of the street lamps' faces, (H, W, 3), where nothing stands before them.
+) -> None:
+    """Add the radiance of the street lamps' faces, in place, where nothing stands before them.
 
     Parameters
     ----------
+    out
+        (H, W, 3) radiance that is added to.
     lights
         Street lamps, in the world.
     depth, sky
@@ -83,7 +86,6 @@ def street_lamp_faces(
     white_cd_m2
         The luminance that the picture shows as white.
     """
-    out = np.zeros((*camera.shape, 3), dtype=np.float32)
     radiance = on_picture(params.face_cd_m2, params.color, white_cd_m2)
 
     def shown(window: tuple[NDArray[np.intp], ...], z: float) -> NDArray[np.bool_]:
@@ -91,4 +93,3 @@ def street_lamp_faces(
 
     for light in lights:
         add_disc(out, camera.to_camera(light.position), params.face_radius_m, radiance, camera, shown)
-    return out

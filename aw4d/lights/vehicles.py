@@ -223,7 +223,8 @@ def vehicle_lights(info: ClipInfo, index: int, params: VehicleLightParams, *, wh
     ]
 
 
-def vehicle_emission(
+def add_vehicle_faces(
+    out: NDArray[np.float32],
     info: ClipInfo,
     index: int,
     planes: Mapping[str, NDArray[np.generic]],
@@ -231,8 +232,8 @@ def vehicle_emission(
     *,
     white_cd_m2: float,
     lit: frozenset[str] | None = None,
-) -> NDArray[np.float32]:
-    """Radiance that the lamps' faces send towards the camera, (H, W, 3), linear on the picture's scale.
+) -> None:
+    """Add the radiance that the lamps' faces send towards the camera, in place, linear on the picture's scale.
 
     A disc of `radius_m` on the surface of the vehicle, seen from the lamp's side only. Its share of every pixel is
     analytic: a lamp that is smaller than a pixel dims the pixel, its flux stays. `head_cd_m2` is that beside the beam;
@@ -240,6 +241,8 @@ def vehicle_emission(
 
     Parameters
     ----------
+    out
+        (H, W, 3) radiance that is added to.
     info, index, params, white_cd_m2
         As for `vehicle_lights`.
     planes
@@ -262,14 +265,12 @@ def vehicle_emission(
         gap = depth[window].astype(np.float64) - z
         return np.asarray((vehicle[window] != 0) & (gap > -NEARER) & (gap < FARTHER), dtype=np.bool_)
 
-    out = np.zeros((*camera.shape, 3), np.float32)
     for lamp in _lamps(info, index, params):
         if lit is None or lamp.name in lit:
             centre = camera.to_camera(lamp.position - SETBACK * lamp.facing)
             radiance = _seen(lamp, centre, camera) * np.array(_face(lamp, params, white_cd_m2))
             if radiance.any():
                 add_disc(out, centre, params.radius_m, radiance.tolist(), camera, shown)
-    return out
 
 
 def _face(lamp: _Lamp, params: VehicleLightParams, white_cd_m2: float) -> RGB:
