@@ -150,10 +150,13 @@ static inline floatw along_ray(
     /* The angle that the stretch subtends, by the tangent of a difference: a short one would be lost between two angles. */
     const floatw length = SELECTW((near == t0) & (far == t0 - s), s, near - far);
     floatw spread = atan2_upper(D * length, fma(near, far, D2));
-    floatw low = atan2_upper(D, SELECTW(flip, -far, near)) - middle;
+    const floatw first = atan2_upper(D, SELECTW(flip, -far, near));
+    floatw low = first - middle;
+    intw cut = 0; /* whether the stretch begins at the cone's side */
     if (spot) {
+        cut = low < -half_cone;
         const floatw high = fmin(low + spread, half_cone);
-        const intw clipped = (low < -half_cone) | (low + spread > half_cone);
+        const intw clipped = cut | (low + spread > half_cone);
         low = fmax(low, -half_cone);
         spread = SELECTW(clipped, high - low, spread);
     }
@@ -166,7 +169,8 @@ static inline floatw along_ray(
     const floatw centre = fma(0.5f, low, 0.5f * spread);
     Stretch a;
     floatw s_mid, c_mid, cl = 1.0f, ch = 1.0f, sl = 0.0f, sh = 0.0f;
-    s_mid = sincos_quarter(fma(0.5f, middle, centre), &c_mid);
+    /* A small angle has no digits to lose on the way over the cone's middle. */
+    s_mid = sincos_quarter(SELECTW(cut, fma(0.5f, middle, centre), fma(0.5f, first, 0.5f * spread)), &c_mid);
     if (spot) {
         sl = sincos_quarter(fmax(fma(0.5f, half_cone, centre), 0.0f), &cl);
         sh = sincos_quarter(fmax(fma(0.5f, half_cone, -centre), 0.0f), &ch);

@@ -244,8 +244,10 @@ OUT_OF_LINE Things things(
     if (!ANYW(before | asked & (more_l | more_r)))
         return f;
 
-    const floatw U = FLOATW(whole) + rest, w = ramp(rest - FLOATW(more));
-    const floatw inside = ramp(U * k->inv_edge_u) * ramp(((float)(k->width - 1) - U) * k->inv_edge_u)
+    const floatw w = ramp(rest - FLOATW(more));
+    /* A column's number has few digits left for what lies between it and the picture's border. */
+    const floatw from_left = FLOATW(whole) + rest, from_right = FLOATW(k->width - 1 - whole) - rest;
+    const floatw inside = ramp(from_left * k->inv_edge_u) * ramp(from_right * k->inv_edge_u)
         * clamp((float)(k->v - rows) * k->inv_edge_v, 0.0f, 1.0f);
     const floatw in_r = w * inside, in_l = inside - in_r;
     const floatw a = thick(k, &l, stride) * ground(&l), b = thick(k, &r, stride) * ground(&r), inv = 1.0f / (a * b);

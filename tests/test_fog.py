@@ -394,7 +394,6 @@ def test_any_spot_in_any_fog(
     check_hard(opencl_device, frame(23, 11), [light], params(visibility_m=None, sigma_s=sigma, g=g))
 
 
-@pytest.mark.xfail(strict=True, reason="1.2e-4 of an in-scatter of 1e-11, docs/fog.md")
 def test_a_wide_spot_far_behind_the_eye_in_the_densest_fog(opencl_device: OpenCLBackend) -> None:
     light = _lamp((0.0, 0.0, -7.25), inner_deg=40, outer_deg=80, r_max_m=12)
     check_hard(opencl_device, frame(23, 11), [light], params(visibility_m=None, sigma_s=2.0, g=0.0))

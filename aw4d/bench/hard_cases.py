@@ -75,6 +75,11 @@ def _overhanging(source: GBuffer) -> dict[str, NDArray[Any]]:
     return {"normal": normal.astype(np.float32), "sky": np.zeros_like(source["sky"])}
 
 
+def _level_mirrors(source: GBuffer) -> dict[str, NDArray[Any]]:
+    normal = np.broadcast_to(source.camera.camera_to_world[1, :3], source["normal"].shape)
+    return {"normal": normal.astype(np.float32), "roughness": np.full_like(source["roughness"], 0.2)}
+
+
 def _stepped(source: GBuffer) -> dict[str, NDArray[Any]]:
     steps = np.maximum(np.round(source["depth"] / 150 * 255) / 255 * 150, 0.5)
     return {"depth": steps.astype(np.float32)}
@@ -195,6 +200,10 @@ def _depth() -> list[Case]:
 def _shape() -> list[Case]:
     sizes = [(1, 1), (1, 9), (9, 1), (7, 13), (15, 3), (16, 3), (17, 3), (31, 2), (32, 2), (129, 5)]
     cases = [Case(family="shape", name=f"{w}x{h}", scenery=Scenery(size=(w, h), seed=w + h)) for w, h in sizes]
+    level = Scenery(
+        size=(200, 13), seed=3, rotation=turned(0, 5), planes=_level_mirrors, params={"steps": 28, "reach_m": 150.0}
+    )
+    cases.append(Case(family="shape", name="mirrored at a border", steps=("reflections",), scenery=level))
     for name, value in (("all sky", True), ("no sky", False)):
         cases.append(Case(family="shape", name=name, reads=("sky",), scenery=Scenery(planes=_even(sky=value))))
     return cases
