@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from aw4d import opencl
 from aw4d.backend import Planes, check_names, frame_arguments, own_arguments, unwritable
+from aw4d.channels import by_pixels, write_planar
 from aw4d.errors import InputError, JobError
 from aw4d.gbuffer import PLANES, GBuffer
 from aw4d.kernels import Kernel, build
@@ -220,14 +221,13 @@ class OpenCLBackend:
     def _plane(self, name: str, values: NDArray[Any], pitch: int, pool: dict[str, Any]) -> Any:
         """A buffer with a plane, written in place: channel after channel, rows padded with their last pixel's value."""
         values = values.view(np.uint8) if values.dtype == np.bool_ else values
-        planar = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
-        width = values.shape[1]
-        buffer = self._buffer(name, planar.nbytes // width * pitch, pool)
+        height, width, *channels = values.shape
+        buffer = self._buffer(name, values.nbytes // width * pitch, pool)
         there, _ = self._cl.enqueue_map_buffer(
             *(self._uploads, buffer, self._cl.map_flags.WRITE_INVALIDATE_REGION, 0),
-            *((*planar.shape[:2], pitch), planar.dtype),
+            *((*(channels or (1,)), height, pitch), values.dtype),
         )
-        there[..., :width] = planar
+        write_planar(values, there[..., :width])
         there[..., width:] = there[..., width - 1 : width]
         there.base.release(self._uploads)
         return buffer
@@ -402,8 +402,7 @@ class OpenCLBackend:
         out = {}
         for name, (padded, copied) in copies.items():
             copied.wait()
-            image = padded[:, :, :width]
-            out[name] = np.ascontiguousarray(image[0] if len(image) == 1 else np.moveaxis(image, 0, -1))
+            out[name] = by_pixels(padded[:, :, :width])
         return out
 
 
