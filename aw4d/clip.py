@@ -382,7 +382,7 @@ class ClipWriter:
 
     def _resume_or_restart(self, plan: dict[str, Any]) -> None:
         note = self._partial / "plan.json"
-        with contextlib.suppress(OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError, RecursionError):
             if json.loads(note.read_text()) == plan:
                 self._remove_litter()
                 return

@@ -41,7 +41,7 @@ def read_json(path: Path) -> Any:
 
     try:
         return json.loads(read_text(path), parse_constant=refuse)
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, RecursionError) as error:
         raise MetricError(f"{path}: expected JSON ({error})") from error
 
 

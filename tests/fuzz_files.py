@@ -162,11 +162,11 @@ FORMATS: dict[str, Format] = {
 
 
 def damaged(data: bytes, rng: np.random.Generator) -> bytes:
-    """Bytes cut off, turned over, zeroed, written twice, taken out, or replaced by large numbers."""
+    """Bytes cut off, turned over, zeroed, written twice, taken out, replaced by large numbers, nested without end."""
     changed = bytearray(data)
     at = int(rng.integers(0, max(len(changed), 1)))
     length = int(rng.integers(1, 1 + max(min(64, len(changed) - at), 1)))
-    match int(rng.integers(0, 7)):
+    match int(rng.integers(0, 8)):
         case 0:
             del changed[at:]
         case 1:
@@ -184,6 +184,8 @@ def damaged(data: bytes, rng: np.random.Generator) -> bytes:
             changed[at : at + 4] = b"\xff\xff\xff\x7f"
         case 6:
             changed[at : at + length] = rng.bytes(length)
+        case 7:
+            changed[at:at] = b"[" * 20_000  # deeper than a parser follows
     return bytes(changed)
 
 

@@ -103,7 +103,7 @@ def _read_camera(path: Path) -> tuple[Camera, Array | None]:
         K = data["K"] if "K" in data else [[data["fx"], 0, data["cx"]], [0, data["fy"], data["cy"]], [0, 0, 1]]
         extrinsic = np.asarray(data["extrinsic"], dtype=np.float64) if "extrinsic" in data else None
         return Camera(K=np.asarray(K, float), width=int(data["width"]), height=int(data["height"])), extrinsic
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: expected K (or fx, fy, cx, cy), width and height ({error})") from error
 
 

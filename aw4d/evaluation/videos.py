@@ -151,7 +151,7 @@ def _edited_size(path: Path, picture: NDArray[np.uint8]) -> tuple[int, int]:
 
 def sidecar_of(path: Path) -> dict[str, Any]:
     """What made an edit, as the file beside it tells; empty where there is none."""
-    with contextlib.suppress(OSError, ValueError):
+    with contextlib.suppress(OSError, ValueError, RecursionError):
         content = json.loads(sidecar_path(path).read_text(encoding="utf-8"))
         return content if isinstance(content, dict) else {}
     return {}

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 def _json(path: Path) -> Any:
     try:
         return json.loads(read_text(path))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: expected JSON ({error})") from error
 
 

@@ -166,7 +166,7 @@ def read_lights(path: str | Path) -> list[Light]:
         entries: Any = json.loads(Path(path).read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise InputError(f"{path}: expected a JSON list of lights ({error})") from error
     if not isinstance(entries, list):
         raise InputError(f"{path}: expected a JSON list of lights, got {type(entries).__name__}")

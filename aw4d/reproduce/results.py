@@ -37,7 +37,7 @@ def _results(path: Path) -> list[Record]:
     """The results of one file, each with the labels of the file and of its settings."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise InputError(f"{path}: expected the JSON of `aw4d eval --json`, got {error}") from None
     if not isinstance(content, dict) or not isinstance(content.get("results"), list):
         raise InputError(f"{path}: expected the JSON of `aw4d eval --json`, got no list of results")
