@@ -84,7 +84,7 @@ KNOBS = (
     Knob(
         name="faintest glow",
         step="fog",
-        weather="fog",
+        weather="snow",
         settings=_each("fog.faintest", ("0", "5e-05", "0.0005", "0.005", "0.05")),
         finest=("fog.nodes=64", "fog.faintest=0"),
         default="0.0005",
@@ -173,14 +173,15 @@ def _finest(knob: Knob, clip: Clip, frame: GBuffer, index: int, backend: OpenCLB
         return _run(made, knob.step, frame, index, backend, 1)[0].astype(np.float64)
     source = prepare(frame, made, index)
     planes = backend.upload(source, made.scene(index))
-    for step in _before(made, knob.step):
+    before, numpy = _before(made, knob.step), NumpyBackend()
+    for step in before:
         backend.run(step.name, planes, step.params)
-    reads = PASSES[knob.step].reads
-    truth = NumpyBackend().upload(source, made.scene(index))
-    for name, values in backend.download(planes, [n for n in reads if n in PASSES["fog"].writes]).items():
-        NumpyBackend().put(truth, name, values)
-    step = made.steps[len(_before(made, knob.step))]
-    NumpyBackend().run(step.name, truth, step.params)
+    edited = {plane for step in before for plane in PASSES[step.name].writes}
+    truth = numpy.upload(source, made.scene(index))
+    for name, values in backend.download(planes, [n for n in PASSES[knob.step].reads if n in edited]).items():
+        numpy.put(truth, name, values)
+    step = made.steps[len(before)]
+    numpy.run(step.name, truth, step.params)
     return truth.arrays["rgb"]
 
 
