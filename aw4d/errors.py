@@ -10,7 +10,7 @@ class InputError(ValueError):
 
 
 class JobError(RuntimeError):
-    """A job that could not be done though its input is right: the device was lost, or its memory is too small.
+    """A job that could not be done though its input is right: the device or a worker was lost, or memory lacks.
 
     The message says what happened and how to go on. The command line prints it alone and exits with status 1.
     """

@@ -77,7 +77,7 @@ class Lighting:
         that exposes for the night shows them as white-hot as the day's shows them.
         """
         lamps = [light for light in self.standing if light.name.startswith(("street-", "pole-"))]
-        burning = frozenset(light.name for light in self._moving(index) if "vehicle" in frame)
+        burning = frozenset(light.name for light in (self._moving(index) if "vehicle" in frame else ()))
         if not (lamps or burning or "emissive" in frame):
             return None
         traffic = self.settings.lights.traffic and "emissive" in frame

@@ -1,5 +1,7 @@
 /* fog.cl - single scattering in a homogeneous medium. Mirrors reference_numpy/fog.py. Paper, supp. "Fog modeling".
  *
+ * Two stages: fog_tiles finds the lights that show in the air before a tile's surfaces; fog adds them up.
+ *
  * A lane is a pixel, a work-item W pixels of one row. Per light the ray's stretch inside reach and cone is an interval
  * of the scattering angle; Gauss-Legendre nodes lie in pairs a = middle -+ half * x, whose half angles come from one sine
  * and cosine by the addition theorem. With s, c = sin(a/2), cos(a/2) and D the lamp's distance from the ray:
@@ -97,8 +99,8 @@ static inline floatw axis_across(
 
 /* Single-scattering integral along the rays (x, y, z), equiangular (Kulla and Fajardo 2012). */
 static inline floatw along_ray(
-    const Lamp lamp, const float r_max, const float air_reach, const Ray ray, const floatw x, const floatw y, const floatw z, const floatw s,
-    const float extinction, const float g,
+    const Lamp lamp, const float r_max, const float air_reach, const Ray ray,
+    const floatw x, const floatw y, const floatw z, const floatw s, const float extinction, const float g,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
 {
     const floatw t0 = fma(x, lamp.px, fma(y, lamp.py, z * lamp.pz));
@@ -233,8 +235,9 @@ __kernel void fog_tiles(
         uint bits = 0;
         for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1) {
             const int l = lowest(word, met);
-            const bool near = light_kind[l] == DIRECTIONAL || convention == PAPER || !fades_out(vload3(l, light_position), extinction);
-            bits |= near && light_air_reach[l] > 0.0f ? met & -met : 0u;
+            const bool placed = light_kind[l] != DIRECTIONAL && convention != PAPER;
+            const bool faded = placed && fades_out(vload3(l, light_position), extinction);
+            bits |= !faded && light_air_reach[l] > 0.0f ? met & -met : 0u;
         }
         out[word] = bits;
     }

@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_numpy.lamp import DIRECTIONAL, EPSILON, Lamp, lamp
+from reference_numpy.lamp import DIRECTIONAL, EPSILON, Lamp, lamp, window
 from reference_numpy.phase import henyey_greenstein
 from reference_numpy.sampling import gauss_legendre, path_length, rays
 
@@ -127,7 +127,7 @@ def fog(
                 glow = _at_surface(source, ray, s, g=g)
             else:
                 glow = along_ray(source, ray, s, extinction=extinction, g=g, nodes=nodes)
-                glow *= beside(source, ray, air_reach=float(light_air_reach[i]))
+                glow *= window(_beside2(source, ray), float(light_air_reach[i]))
         in_scatter += gamma * scattering * glow[..., None] * light_intensity[i]
 
     fog_color = np.asarray(color, dtype=np.float64)
@@ -143,11 +143,10 @@ def fog(
     }
 
 
-def beside(lamp: Lamp, ray: Array, *, air_reach: float) -> Array:
-    """Share of the glow that is kept of a lamp at D from the ray: the distance window, its reach `air_reach`."""
+def _beside2(lamp: Lamp, ray: Array) -> Array:
+    """Squared distance D from the lamp to each ray [m^2], softened."""
     across = np.cross(lamp.position, ray)
-    D2 = np.einsum("...c,...c->...", across, across) + EPSILON
-    return np.maximum(1 - (D2 / air_reach**2) ** 2, 0.0) ** 2
+    return np.asarray(np.einsum("...c,...c->...", across, across) + EPSILON, dtype=np.float64)
 
 
 def _directional(
@@ -177,7 +176,7 @@ def along_ray(lamp: Lamp, ray: Array, s: Array, *, extinction: float, g: float, 
     """
     t0 = ray @ lamp.position
     across = np.cross(lamp.position, ray)
-    D = np.sqrt(np.einsum("...c,...c->...", across, across) + EPSILON)
+    D = np.sqrt(_beside2(lamp, ray))
     # Component along the ray, and across it, of the cosine to the spot's axis: cos = -c cos(a) + k sin(a).
     c = ray @ lamp.direction
     k = -(np.cross(ray, across) @ lamp.direction) / D

@@ -30,7 +30,12 @@ class Lamp:
 
     def window(self, r2: Array) -> Array:
         """Distance window W, clamped at 0 before squaring: no light returns beyond r_max."""
-        return np.maximum(1 - (r2 / self.r_max**2) ** 2, 0.0) ** 2
+        return window(r2, self.r_max)
+
+
+def window(r2: Array, reach: float) -> Array:
+    """1 at no distance, 0 from `reach` on, smooth; of the squared distance."""
+    return np.asarray(np.maximum(1 - (r2 / reach**2) ** 2, 0.0) ** 2, dtype=np.float64)
 
 
 def lamp(

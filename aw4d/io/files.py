@@ -7,7 +7,7 @@ import glob
 import hashlib
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from aw4d.errors import InputError
@@ -76,6 +76,18 @@ def remove(path: Path) -> None:
 
 
 @contextlib.contextmanager
+def _filled(path: Path, place: Callable[[Path, Path], object]) -> Iterator[Path]:
+    temporary = _beside(path)
+    try:
+        yield temporary
+        place(temporary, path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        remove(temporary)
+
+
+@contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """A name beside `path` to write a file to; it takes the place of `path` when the block ends well, else it goes.
 
@@ -84,14 +96,8 @@ def replacing(path: Path) -> Iterator[Path]:
     InputError
         The file cannot be written: no such folder, no permission, disk full.
     """
-    temporary = _beside(path)
-    try:
+    with _filled(path, Path.replace) as temporary:
         yield temporary
-        temporary.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        remove(temporary)
 
 
 @contextlib.contextmanager
@@ -103,15 +109,9 @@ def replacing_folder(path: Path) -> Iterator[Path]:
     InputError
         The folder cannot be written: no such place, no permission, disk full.
     """
-    temporary = _beside(path)
-    try:
+    with _filled(path, put) as temporary:
         temporary.mkdir(parents=True)
         yield temporary
-        put(temporary, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        remove(temporary)
 
 
 def listed(folder: Path, suffixes: tuple[str, ...]) -> list[Path]:
