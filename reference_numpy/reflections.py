@@ -23,6 +23,8 @@ Answers, not depths, are interpolated between the two pixels beside the line: no
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -140,13 +142,18 @@ def _walk(picture: _Picture, ray: Mirrored, steps: int, reach: float, thickness:
     for k in range(1, steps + 1):
         rows = -(-k * k * ray.v // steps**2)
         stride = rows - before
-        up_to, _, blurred, wide = _things(picture, ray, every, rows, stride, reach, thickness)
-        to = np.maximum(passed, up_to)
-        finer = _ramp(2 - 2 * wide / np.maximum(stride, 1)) * (stride > 1)
-        seen += ((1 - finer) * (to - passed))[:, None] * blurred
+        if not stride.any():
+            continue
+        there = _Things(picture, ray, every, rows, stride, reach, thickness)
+        to = np.maximum(passed, there.up_to)
+        finer = _ramp(2 - 2 * there.wide / np.maximum(stride, 1)) * (stride > 1)
+        blurred = (1 - finer) * (to - passed)
+        if blurred.any():
+            seen += blurred[:, None] * there.mean()
         on = np.flatnonzero(finer * (to - passed) > 0)
-        sums = _walk_finer(picture, ray, on, before[on], stride[on], passed[on], to[on], reach, thickness)
-        seen[on] += finer[on, None] * sums
+        if len(on):
+            sums = _walk_finer(picture, ray, on, before[on], stride[on], passed[on], to[on], reach, thickness)
+            seen[on] += finer[on, None] * sums
         passed, before = to, rows
     return seen[:, 3], seen[:, :3]
 
@@ -160,48 +167,66 @@ def _walk_finer(
     before = start
     for i in range(1, FINER + 1):
         rows = start - (-i * stride // FINER)
-        up_to, _, _, _ = _things(picture, ray, on, rows, stride, reach, thickness)
-        most = np.clip(up_to, passed, to)
+        most = np.clip(_Things(picture, ray, on, rows, stride, reach, thickness).up_to, passed, to)
+        last = before
         for j in range(1, FINER + 1):
             row = before - (-j * (rows - before) // FINER)
-            up_to, found, _, _ = _things(picture, ray, on, row, stride, reach, thickness)
-            now = np.clip(up_to, passed, most)
-            seen += (now - passed)[:, None] * found
-            passed = now
+            if (row == last).all():
+                continue
+            there = _Things(picture, ray, on, row, stride, reach, thickness)
+            now = np.clip(there.up_to, passed, most)
+            if (now > passed).any():
+                seen += (now - passed)[:, None] * there.own()
+            passed, last = now, row
         before = rows
     return seen
 
 
-def _things(
-    picture: _Picture, ray: Mirrored, on: Ints, rows: Ints, stride: Ints, reach: float, thickness: float
-) -> tuple[Array, Array, Array, Array]:
+class _Things:
     """What the picture shows `rows` above the pixels, between two of its columns.
 
-    Returns
-    -------
-    up_to, found, blurred, wide
-        The share of the lobe below it, (M,); its radiance, and 1, where it is a thing that is mirrored and not one that
-        hides the rays, (M, 4); the same in the step's mean; half the lobe's width there [px], (M,).
+    Attributes
+    ----------
+    up_to
+        (M,) share of the lobe below it.
+    wide
+        (M,) half the lobe's width there [px].
     """
-    U = ray.u[on] - rows * ray.lean[on]
-    x = np.clip(np.floor(U), 0, picture.width - 1).astype(int)
-    y = ray.v[on] - rows
-    w = _ramp(U - x)
-    inside = _ramp(np.minimum(U, picture.width - 1 - U) / (EDGE * picture.width)) * _ramp(y / (EDGE * picture.height))
-    up_to, found, wide = np.zeros(len(on)), np.zeros((len(on), 4)), np.zeros(len(on))
-    blurred = np.zeros_like(found)
-    for side, part in ((0, (1 - w) * inside), (1, w * inside)):
-        at = y, np.minimum(x + side, picture.width - 1)
-        z = picture.depth[at]
-        covers, lobe = _covers(ray, on, z, x + side, rows, stride, picture.fy, reach, thickness)
-        up_to += part * (covers + _hides(ray.Z0[on] - z, ray.near[on]))
-        own = picture.rgb[at]
-        for sums, light in ((found, own), (blurred, picture.means.around(*at, stride, own))):
-            sums[:, :3] += (part * covers)[:, None] * light
-            sums[:, 3] += part * covers
-        wide += (w if side else 1 - w) * lobe
-    some = np.maximum(up_to, 1e-30)[:, None]
-    return up_to, found / some, blurred / some, wide
+
+    def __init__(
+        self, picture: _Picture, ray: Mirrored, on: Ints, rows: Ints, stride: Ints, reach: float, thickness: float
+    ) -> None:
+        self._picture, self._stride = picture, stride
+        U = ray.u[on] - rows * ray.lean[on]
+        x = np.clip(np.floor(U), 0, picture.width - 1).astype(int)
+        y = ray.v[on] - rows
+        w = _ramp(U - x)
+        inside = _ramp(np.minimum(U, picture.width - 1 - U) / (EDGE * picture.width))
+        inside = inside * _ramp(y / (EDGE * picture.height))
+        self.up_to, self.wide = np.zeros(len(on)), np.zeros(len(on))
+        self._sides = []
+        for side, part in ((0, 1 - w), (1, w)):
+            at = y, np.minimum(x + side, picture.width - 1)
+            z = picture.depth[at]
+            covers, lobe = _covers(ray, on, z, x + side, rows, stride, picture.fy, reach, thickness)
+            self._sides.append((at, part * inside * covers))
+            self.up_to += part * inside * (covers + _hides(ray.Z0[on] - z, ray.near[on]))
+            self.wide += part * lobe
+
+    def own(self) -> Array:
+        """(M, 4) its radiance, and 1, where it is a thing that is mirrored and not one that hides the rays."""
+        return self._shared(lambda at: self._picture.rgb[at])
+
+    def mean(self) -> Array:
+        """(M, 4) the same in the step's mean."""
+        return self._shared(lambda at: self._picture.means.around(*at, self._stride, self._picture.rgb[at]))
+
+    def _shared(self, light: Callable[[tuple[Ints, Ints]], Array]) -> Array:
+        sums = np.zeros((len(self.up_to), 4))
+        for at, part in self._sides:
+            sums[:, :3] += part[:, None] * light(at)
+            sums[:, 3] += part
+        return sums / np.maximum(self.up_to, 1e-30)[:, None]
 
 
 def _covers(

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from aw4d.backend_opencl import OpenCLBackend
 
 EXAMPLES = int(os.environ.get("AW4D_EXAMPLES", "25"))
-SIZES = [(1, 1), (1, 5), (5, 1), (7, 13), (16, 2), (17, 3), (33, 5)]
+SIZES = [(1, 1), (1, 5), (5, 1), (7, 13), (16, 2), (17, 3), (33, 5), (5, 33)]
 # What is made of other things than numbers, and how many there are of what falls: see `hard_cases` for the many.
 NOT_DRAWN = {"preset", "map", "frames", "drops", "flakes", "convention", "steady", "faintest"}
 LARGEST = 1e3  # of a parameter without an upper end
