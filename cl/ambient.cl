@@ -85,7 +85,9 @@ __kernel void ambient(
     __global const float *restrict env_specular,
     __global const float *restrict env_brdf,
     __global const float *restrict env_backdrop,
-    const int env_levels, const int env_size, const int env_brdf_size, const int env_backdrop_size,
+    __global const float *restrict env_zonal,
+    __global const float *restrict env_colour,
+    const int env_levels, const int env_size, const int env_brdf_size, const int env_backdrop_size, const int env_elevations,
     __global const float *restrict sun_direction,       /* towards the sun, camera frame */
     __global const float *restrict sun_irradiance,
     const int sun_on,
@@ -121,10 +123,11 @@ __kernel void ambient(
         to_world(env_rotation, nx, ny, nz, &Nx, &Ny, &Nz);
         const floatw twice = 2.0f * s.NoV;
         to_world(env_rotation, fma(twice, nx, kx * inv), fma(twice, ny, ky * inv), fma(twice, nz, inv), &X, &Y, &Z);
+        const Surroundings around = {env_specular, env_zonal, env_colour, env_levels, env_size, env_elevations};
         const Lobes each = lobes(env_brdf, lobe_corner(s.NoV, rough, env_brdf_size));
-        const Quad A = reflection(&each, 0, LOBES_F0, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
-        const Quad B = reflection(&each, LOBES_F0, LOBES, env_specular, env_levels, env_size, X, Y, Z, Nx, Ny, Nz);
-        const Quad E_sky = bilinear(env_irradiance, octahedral(Nx, Ny, Nz, env_size));
+        const Quad A = reflection(&each, 0, LOBES_F0, &around, X, Y, Z, Nx, Ny, Nz);
+        const Quad B = reflection(&each, LOBES_F0, LOBES, &around, X, Y, Z, Nx, Ny, Nz);
+        const Quad E_sky = irradiance_on(&around, env_irradiance, Nx, Ny, Nz);
         const floatw shine = specular_occlusion(s.NoV, open, rough), gain = open * M_1_PI_F;
         const floatw cr = clamp(LOADW(albedo + i), 0.0f, 1.0f);
         const floatw cg = clamp(LOADW(albedo + i + plane), 0.0f, 1.0f);

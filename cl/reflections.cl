@@ -430,9 +430,9 @@ typedef struct {
     float fx, fy, cx, cy;                               /* [px] */
     __global const float *up;                           /* the world's, camera frame */
     __global const float *env_rotation;                 /* camera to world */
-    __global const float *env_specular;
+    Surroundings surroundings;
     __global const float *env_brdf;
-    int env_levels, env_size, env_brdf_size;
+    int env_brdf_size;
     int steps;
     float reach_m;                                      /* [m] */
     float thickness_m;                                  /* [m] */
@@ -503,7 +503,7 @@ OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
     const float ky = ((float)v - f->cy) / f->fy;
     const floatw ahead = (1.0f - turn) / sqrt(fma(kx, kx, fma(ky, ky, 1.0f)));
     to_world(f->env_rotation, fma(to_n, nx, ahead * kx), fma(to_n, ny, ahead * ky), fma(to_n, nz, ahead), &X, &Y, &Z);
-    const Quad around = prefiltered(f->env_specular, f->env_levels, f->env_size, X, Y, Z, lobe_rough);
+    const Quad around = light_around(&f->surroundings, X, Y, Z, lobe_rough);
     const floatw open = specular_occlusion(m.NoV, LOADW(f->occlusion + i), rough), taken = s.own * open;
     const floatw by_r = weight * fma(fr, A, B), by_g = weight * fma(fg, A, B), by_b = weight * fma(fb, A, B);
     const floatw r = LOADW(f->rgb + i), g = LOADW(f->rgb + i + f->plane), b = LOADW(f->rgb + i + 2 * f->plane);
@@ -542,19 +542,22 @@ __kernel void reflections(
     __global const float *restrict env_rotation,        /* camera to world */
     __global const float *restrict env_specular,
     __global const float *restrict env_brdf,
-    const int env_levels, const int env_size, const int env_brdf_size,
+    __global const float *restrict env_zonal,
+    __global const float *restrict env_colour,
+    const int env_levels, const int env_size, const int env_brdf_size, const int env_elevations,
     const int steps,
     const float reach_m,                                /* [m] */
     const float thickness_m,                            /* [m] */
     const float max_roughness)
 {
+    const Surroundings surroundings = {env_specular, env_zonal, env_colour, env_levels, env_size, env_elevations};
     const Frame f = {
         rgb, reflection_pixels, reflection_means, depth, normal, albedo, roughness, metallic, sky, puddle, wetness,
         occlusion,
 #ifdef LAYERS
         reflection,
 #endif
-        width, height, pitch, plane, fx, fy, cx, cy, up, env_rotation, env_specular, env_brdf, env_levels, env_size,
-        env_brdf_size, steps, reach_m, thickness_m, max_roughness};
+        width, height, pitch, plane, fx, fy, cx, cy, up, env_rotation, surroundings, env_brdf, env_brdf_size,
+        steps, reach_m, thickness_m, max_roughness};
     mirror(&f, get_global_id(0) * W, get_global_id(1));
 }

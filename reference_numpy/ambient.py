@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_numpy.brdf import DIELECTRIC_F0, MIN_NOV, brdf
-from reference_numpy.environment import PARTS, lobes, lookup, reflection, specular_occlusion
+from reference_numpy.environment import PARTS, Surroundings, lobes, lookup, reflection, specular_occlusion
 from reference_numpy.occlusion import ambient_occlusion
 from reference_numpy.sampling import rays
 from reference_numpy.shadow import sun_shadow
@@ -40,6 +40,8 @@ def ambient(
     env_specular: Array,
     env_brdf: Array,
     env_backdrop: Array,
+    env_zonal: Array,
+    env_colour: Array,
     sun_direction: Array,
     sun_irradiance: Array,
     shadow_steps: int,
@@ -75,6 +77,8 @@ def ambient(
         (M, M, LOBES, 4) the lobes that stand for the reflection's; see `environment.lobes`.
     env_backdrop
         (B, B, 4) radiance by direction, for the sky.
+    env_zonal, env_colour
+        (L, E, 4), (3,) in place of `env_irradiance` and `env_specular` where E is not 0; see `environment.zonal`.
     sun_direction, sun_irradiance
         (3,) unit, towards the sun, camera frame; (3,) on a surface square to it, 0: no sun.
     shadow_steps, shadow_distance_m, thickness_m
@@ -128,8 +132,8 @@ def ambient(
         occlusion=occlusion[on],
         env_rotation=env_rotation,
         env_irradiance=env_irradiance,
-        env_specular=env_specular,
         env_brdf=env_brdf,
+        around=Surroundings(specular=env_specular, zonal=env_zonal, colour=env_colour),
     )
     if np.any(sun_irradiance):
         to_sun = np.broadcast_to(np.asarray(sun_direction, dtype=np.float64), surface["normal"].shape)
@@ -149,16 +153,16 @@ def reflected(
     occlusion: Array,
     env_rotation: Array,
     env_irradiance: Array,
-    env_specular: Array,
     env_brdf: Array,
+    around: Surroundings,
 ) -> Array:
     """Radiance that surfaces, (N,) of them, send back of what surrounds them, without the sun, (N, 3)."""
     NoV = np.clip(np.einsum("...c,...c->...", normal, view), MIN_NOV, 1.0)
     mirror = 2 * NoV[:, None] * normal - view
-    E = lookup(env_irradiance, normal @ env_rotation.T)
+    E = around.irradiance_on(normal @ env_rotation.T, env_irradiance)
     found = lobes(env_brdf, NoV, roughness)
     to_world = {"mirror": mirror @ env_rotation.T, "normal": normal @ env_rotation.T}
-    L_A, L_B = (reflection(env_specular, found[..., part, :], **to_world) for part in PARTS)
+    L_A, L_B = (reflection(around, found[..., part, :], **to_world) for part in PARTS)
     A, B = (found[..., part, 0].sum(axis=-1)[..., None] for part in PARTS)
     F0 = DIELECTRIC_F0 + (albedo - DIELECTRIC_F0) * metallic[:, None]
     # A half metal is a mixture of a metal and a dielectric, of which each keeps its energy.

@@ -4,9 +4,15 @@ A table holds a quantity for every direction of the world (y up) on a square: a 
 d / (|x| + |y| + |z|), whose upper half falls on the inner diamond (x, z) and whose lower half is folded out to the
 corners (octahedral map, Engelhardt and Dachsbacher 2008). Texels sit on the square's corners and edges, not inside,
 so that a bilinear lookup needs no texel beyond an edge and is continuous everywhere.
+
+Under an overcast sky all light has one colour and depends on the elevation alone. One table then does for all: cells
+between neighbouring heights on the unit sphere (y) and neighbouring rows, four corners each. Its last row of cells is
+the irradiance over pi, the others are levels of roughness.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,6 +86,49 @@ def prefiltered(table: Array, d: Array, roughness: Array) -> Array:
     return near + f[..., None] * (far - near)
 
 
+def zonal(cells: Array, d: Array, row: NDArray[np.int64] | int, more: Array | float) -> Array:
+    """Cells (R, E, 4), at `more` of the way down a row of them, in directions (..., 3) of any length but 0, to (...).
+
+    A cell's corners are left, right, lower left and lower right; heights -1 to 1 go from left to right.
+    """
+    size = np.maximum(np.linalg.norm(d, axis=-1), 1e-9)
+    left, f = _corner((d[..., 1] / size + 1) * (cells.shape[1] / 2), cells.shape[1] + 1)
+    a, b, c, e = np.moveaxis(cells[row, left], -1, 0)
+    upper = a + f * (b - a)
+    out: Array = upper + more * (c + f * (e - c) - upper)
+    return out
+
+
+@dataclass(frozen=True, kw_only=True)
+class Surroundings:
+    """Light from all around.
+
+    Parameters
+    ----------
+    specular
+        (L, N, N, 4) prefiltered radiance by roughness and direction.
+    zonal, colour
+        (L, E, 4) cells, (3,); they count in place of octahedral tables unless E is 0.
+    """
+
+    specular: Array
+    zonal: Array
+    colour: Array
+
+    def irradiance_on(self, normal: Array, table: Array) -> Array:
+        """Of surfaces that face (..., 3), to (..., 3); octahedral table (N, N, 4)."""
+        if not self.zonal.size:
+            return lookup(table, normal)
+        return np.pi * zonal(self.zonal, normal, len(self.zonal) - 1, 0.0)[..., None] * self.colour
+
+    def prefiltered(self, d: Array, roughness: Array) -> Array:
+        """Mean radiance around directions (..., 3), as wide as the lobe of a roughness, to (..., 3)."""
+        if not self.zonal.size:
+            return prefiltered(self.specular, d, roughness)
+        level, more = _corner(roughness * (len(self.zonal) - 1), len(self.zonal))
+        return zonal(self.zonal, d, level, more)[..., None] * self.colour
+
+
 def lobes(table: Array, NoV: Array, roughness: Array) -> Array:
     """The round lobes that stand for the reflection's, (..., LOBES, 3): share, turn and roughness of each.
 
@@ -93,12 +142,12 @@ def lobes(table: Array, NoV: Array, roughness: Array) -> Array:
     return found.reshape(*found.shape[:-1], LOBES, 4)[..., :3]
 
 
-def reflection(table: Array, part: Array, mirror: Array, normal: Array) -> Array:
-    """Light of lobes (..., K, 3) that stand for a part, (..., 3), of levels for `prefiltered`; directions (..., 3)."""
+def reflection(around: Surroundings, part: Array, mirror: Array, normal: Array) -> Array:
+    """Light of lobes (..., K, 3) that stand for a part, (..., 3); directions (..., 3)."""
     light = np.zeros(mirror.shape)
     for share, turn, roughness in (np.moveaxis(part[..., k, :], -1, 0) for k in range(part.shape[-2])):
         d = mirror + turn[..., None] * (normal - mirror)
-        light += share[..., None] * prefiltered(table, d, roughness)
+        light += share[..., None] * around.prefiltered(d, roughness)
     return light
 
 

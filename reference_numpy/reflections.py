@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reference_numpy.brdf import DIELECTRIC_F0
-from reference_numpy.environment import PARTS, lobes, prefiltered, specular_occlusion
+from reference_numpy.environment import PARTS, Surroundings, lobes, specular_occlusion
 from reference_numpy.mirrored import Mirrored
 from reference_numpy.ramps import smoothstep
 from reference_numpy.row_means import RowMeans
@@ -68,6 +68,8 @@ def reflections(
     env_rotation: Array,
     env_specular: Array,
     env_brdf: Array,
+    env_zonal: Array,
+    env_colour: Array,
     steps: int,
     reach_m: float,
     thickness_m: float,
@@ -90,7 +92,7 @@ def reflections(
         Intrinsics [px].
     up
         (3,) unit, the world's up in the camera's frame.
-    env_rotation, env_specular, env_brdf
+    env_rotation, env_specular, env_brdf, env_zonal, env_colour
         See `ambient`.
     steps
         Samples of a ray before finer ones.
@@ -116,8 +118,9 @@ def reflections(
     ray = Mirrored(u, v, depth[on], normal[on], roughness[on], fx, fy, cx, cy, np.asarray(up, dtype=np.float64))
     covered, seen = _walk(picture, ray, steps, reach_m, thickness_m)
     weight = wet[on] * smoothstep(0.0, 1.0, (max_roughness - roughness[on]) / (SMOOTH * max_roughness)) * ray.fit
+    surroundings = Surroundings(specular=env_specular, zonal=env_zonal, colour=env_colour)
     share, L_env = _surroundings(
-        ray, np.clip(albedo[on], 0.0, 1.0), roughness[on], metallic[on], env_rotation, env_specular, env_brdf
+        ray, np.clip(albedo[on], 0.0, 1.0), roughness[on], metallic[on], env_rotation, env_brdf, surroundings
     )
     weight, around = weight[:, None] * share, specular_occlusion(ray.NoV, occlusion[on], roughness[on])[:, None] * L_env
     mirrored[on] = weight * (seen + (1 - covered)[:, None] * around)
@@ -258,8 +261,8 @@ def _surroundings(
     roughness: Array,
     metallic: Array,
     env_rotation: Array,
-    env_specular: Array,
     env_brdf: Array,
+    around: Surroundings,
 ) -> tuple[Array, Array]:
     """Share that is reflected, (N, 3), and the surroundings' radiance in the lobe, by its mean direction, (N, 3)."""
     found = lobes(env_brdf, ray.NoV, roughness)
@@ -271,7 +274,7 @@ def _surroundings(
     turn, rough = (weights * found[..., 1]).sum(axis=-1), (weights * found[..., 2]).sum(axis=-1)
     mirror = 2 * ray.NoV[:, None] * ray.n - ray.view
     d = mirror + turn[:, None] * (ray.n - mirror)
-    return F0 * A[:, None] + B[:, None], prefiltered(env_specular, d @ env_rotation.T, rough)
+    return F0 * A[:, None] + B[:, None], around.prefiltered(d @ env_rotation.T, rough)
 
 
 def _ramp(x: Array) -> Array:

@@ -16,7 +16,14 @@ from aw4d import cache
 from aw4d.camera import Camera
 from aw4d.environment import latlong, prefilter
 from aw4d.environment.latlong import level_irradiance, sample, solid_angles
-from aw4d.environment.prefilter import SIZE, irradiance_table, specular_table
+from aw4d.environment.prefilter import (
+    SIZE,
+    irradiance_table,
+    is_zonal,
+    no_zonal_tables,
+    specular_table,
+    zonal_tables,
+)
 from reference_numpy.environment import octahedral_grid
 from reference_numpy.srgb import LUMINANCE
 
@@ -67,12 +74,13 @@ class Environment:
 
     @cached_property
     def tables(self) -> dict[str, Array]:
-        """Its octahedral tables, in absolute units, by argument name; made once, and kept on disk."""
+        """Its tables, in absolute units, by argument name; made once, and kept on disk."""
         return cache.kept("sky", (_MAKERS, self.radiance, self.backdrop), self._make_tables)
 
     def _make_tables(self) -> dict[str, Array]:
         size = int(min(max(2 * self.backdrop.shape[0], SIZE), BACKDROP))
-        return {
+        zonal = zonal_tables(self.radiance) if is_zonal(self.radiance) else no_zonal_tables()
+        return zonal | {
             "env_irradiance": irradiance_table(self.radiance),
             "env_specular": specular_table(self.radiance),
             "env_backdrop": sample(self.backdrop, octahedral_grid(size)),
@@ -91,6 +99,8 @@ class EnvironmentArrays:
     env_specular: NDArray[np.float32]  # (L, N, N, 4)
     env_brdf: NDArray[np.float32]  # (M, M, LOBES, 4) three numbers of each lobe and a 0
     env_backdrop: NDArray[np.float32]  # (B, B, 4)
+    env_zonal: NDArray[np.float32]  # (L, E, 4); E is 0 where the light depends on more than the elevation
+    env_colour: NDArray[np.float32]  # (3,)
     sun_direction: NDArray[np.float32]  # (3,) camera frame
     sun_irradiance: NDArray[np.float32]  # (3,)
 
@@ -101,6 +111,7 @@ class EnvironmentArrays:
             "env_size": self.env_irradiance.shape[0],
             "env_brdf_size": self.env_brdf.shape[0],
             "env_backdrop_size": self.env_backdrop.shape[0],
+            "env_elevations": self.env_zonal.shape[1],
             "sun_on": int(self.sun_irradiance.any()),
         }
         return {field.name: getattr(self, field.name) for field in fields(self)} | sizes
@@ -129,8 +140,10 @@ def arrays(environment: Environment, camera: Camera, white_cd_m2: float) -> Envi
 
 @lru_cache(maxsize=2)  # the frames of a clip share them
 def _scaled_tables(environment: Environment, white_cd_m2: float) -> dict[str, NDArray[np.float32]]:
-    tables = {name: _texels(table / white_cd_m2) for name, table in environment.tables.items()}
-    held = {name: table.astype(np.float32) for name, table in tables.items()} | {"env_brdf": _lobes()}
+    tables = dict(environment.tables)
+    held = {"env_brdf": _lobes(), "env_colour": tables.pop("env_colour").astype(np.float32)}
+    for name, table in tables.items():
+        held[name] = (_texels(table) / white_cd_m2).astype(np.float32)
     for table in held.values():
         table.flags.writeable = False  # so that a backend sees that it has the table already
     return held
@@ -144,5 +157,5 @@ def _lobes() -> NDArray[np.float32]:
 
 
 def _texels(table: Array) -> Array:
-    """Texels of three numbers, filled up to four."""
-    return np.concatenate([table, np.zeros((*table.shape[:-1], 1))], axis=-1)
+    """Texels of three numbers filled up to four; what has four stays as it is."""
+    return np.concatenate([table, np.zeros((*table.shape[:-1], 4 - table.shape[-1]))], axis=-1)

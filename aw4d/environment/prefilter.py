@@ -10,14 +10,17 @@ from numpy.typing import NDArray
 from aw4d.environment.latlong import sample, shrink, solid_angles
 from reference_numpy.brdf import V_SmithGGXCorrelated, alpha_of
 from reference_numpy.environment import LOBES, PARTS, octahedral_grid
+from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
 
 ROWS, COLUMNS = 128, 256  # of the map that is summed over
 LEVELS = 8  # of roughness: 0, 1/7, ..., 1
 SIZE = 129  # texels of a table's side: odd, so that the directions of the axes lie on texels
+ELEVATIONS = 256  # cells of a zonal table between straight down and straight up
 SPLIT = 32  # side of the table of lobes
 NODES = 64  # of its quadrature, squared
+SAME = 1e-6  # of the brightest, by which a zonal map may differ from one
 STRIPS = (0.0, 0.3, 0.75, 1.0)  # of the lobe of the part with F0: shares of its light up to their ends
 
 
@@ -48,11 +51,10 @@ def _convolve(radiance: Array, kernel: Array, *, mean: bool) -> Array:
     return np.fft.irfft(np.concatenate([above, below]), COLUMNS, axis=1)
 
 
-def _to_octahedral(radiance: Array, size: int) -> Array:
-    """A smooth map, (R, C, 3), as an octahedral table, by cubic interpolation; never below 0."""
+def _smooth(radiance: Array, d: Array) -> Array:
+    """A smooth map, (R, C, 3), in unit directions (..., 3), by cubic interpolation, (..., 3); never below 0."""
     from scipy.ndimage import map_coordinates  # here: tables that are kept on disk need none of SciPy
 
-    d = octahedral_grid(size)
     around, over = 8, 4
     turned = np.roll(radiance, COLUMNS // 2, axis=1)  # what lies over the pole is half a turn away
     padded = np.concatenate([turned[over - 1 :: -1], radiance, turned[: -over - 1 : -1]])
@@ -65,8 +67,13 @@ def _to_octahedral(radiance: Array, size: int) -> Array:
 
 def irradiance_table(radiance: Array, size: int = SIZE) -> Array:
     """Irradiance of surfaces that face every direction, (N, N, 3), of a lat-long map of radiance, (H, W, 3)."""
+    return _irradiance(radiance, octahedral_grid(size))
+
+
+def _irradiance(radiance: Array, d: Array) -> Array:
+    """Irradiance of surfaces that face unit directions (..., 3), to (..., 3)."""
     cosine = np.maximum(_angles_between(), 0.0)
-    return _to_octahedral(_convolve(shrink(radiance, ROWS, COLUMNS), cosine, mean=False), size)
+    return _smooth(_convolve(shrink(radiance, ROWS, COLUMNS), cosine, mean=False), d)
 
 
 def specular_table(radiance: Array, size: int = SIZE) -> Array:
@@ -75,15 +82,52 @@ def specular_table(radiance: Array, size: int = SIZE) -> Array:
     The lobe is that of light reflected towards the normal, where eye, normal and mirror direction are the same (Karis
     2013); the weight of light at an angle a to it is D(a / 2) times `_shadowing`.
     """
+    return _specular(radiance, octahedral_grid(size))
+
+
+def _specular(radiance: Array, d: Array) -> Array:
+    """The same in unit directions (..., 3), (LEVELS, ..., 3)."""
     small = shrink(radiance, ROWS, COLUMNS)
     cosine = _angles_between()
     NoH2 = (1 + cosine) / 2
-    levels = [np.maximum(sample(radiance if len(radiance) < ROWS else small, octahedral_grid(size)), 0.0)]
+    levels = [np.maximum(sample(radiance if len(radiance) < ROWS else small, d), 0.0)]
     for level in range(1, LEVELS):
         a2 = (level / (LEVELS - 1)) ** 4
         lobe = _shadowing(np.maximum(cosine, 0.0), a2) / (1 - NoH2 + NoH2 * a2) ** 2
-        levels.append(_to_octahedral(_convolve(small, lobe, mean=True), size))
+        levels.append(_smooth(_convolve(small, lobe, mean=True), d))
     return np.stack(levels)
+
+
+def is_zonal(radiance: Array) -> bool:
+    """Whether a map, (H, W, 3), has one colour and is alike all around."""
+    column = radiance[:, 0]
+    alike = np.outer(column @ LUMINANCE, _colour(radiance))
+    return bool(np.abs(radiance - alike[:, None]).max() <= SAME * column.max())
+
+
+def _colour(radiance: Array) -> Array:
+    """Mean colour of a map, of luminance 1; white where it is black."""
+    mean = radiance.mean(axis=(0, 1))
+    luminance = float(mean @ LUMINANCE)
+    return mean / luminance if luminance > 0 else np.ones(3)
+
+
+def zonal_tables(radiance: Array) -> dict[str, Array]:
+    """A map that is zonal as `env_zonal`, (LEVELS, ELEVATIONS, 4), and `env_colour`, (3,).
+
+    See `reference_numpy.environment.zonal`. There are as many rows of cells as levels, the last one the irradiance's.
+    """
+    y = np.linspace(-1, 1, ELEVATIONS + 1)
+    d = np.stack([np.sqrt(1 - y**2), y, np.zeros(y.shape)], axis=-1)
+    levels, light = _specular(radiance, d) @ LUMINANCE, _irradiance(radiance, d) @ LUMINANCE / np.pi
+    upper, lower = np.concatenate([levels[:-1], light[None]]), np.concatenate([levels[1:], light[None]])
+    cells = np.stack([upper[:, :-1], upper[:, 1:], lower[:, :-1], lower[:, 1:]], axis=-1)
+    return {"env_zonal": cells, "env_colour": _colour(radiance)}
+
+
+def no_zonal_tables() -> dict[str, Array]:
+    """The same of any other map: none."""
+    return {"env_zonal": np.zeros((LEVELS, 0, 4)), "env_colour": np.ones(3)}
 
 
 def _shadowing(NoL: Array, a2: float | Array) -> Array:

@@ -122,6 +122,57 @@ OUT_OF_LINE Quad prefiltered(
     return between_sides(&s, c.fx);
 }
 
+/* Light from all around, by direction in the world: octahedral tables, or, where it has one colour and is alike all around,
+ * cells by elevation. */
+typedef struct {
+    __global const float *specular, *zonal, *colour;
+    int levels, size;            /* of the octahedral table */
+    int elevations;              /* cells of a row; 0: the light depends on more */
+} Surroundings;
+
+/* Cells at `more` of the way down a row of them, in directions of any length but 0. A cell's corners are left, right, lower
+ * left and lower right; heights -1 to 1 on the unit sphere go from left to right. */
+static inline floatw zonal(
+    __global const float *restrict cells, const int elevations,
+    const floatw dx, const floatw dy, const floatw dz, const intw row, const floatw more)
+{
+    const float half_row = 0.5f * elevations;
+    const floatw y = dy * rsqrt(fmax(fma(dx, dx, fma(dy, dy, dz * dz)), 1e-18f));
+    const floatw x = fma(y, half_row, (floatw)half_row);
+    const intw left = clamp(TOINTW(x), (intw)0, (intw)(elevations - 1));
+    const floatw f = x - FLOATW(left);
+    const Quad c = gather(cells, row * elevations + left);
+    const floatw upper = fma(f, c.y - c.x, c.x), lower = fma(f, c.w - c.z, c.z);
+    return fma(more, lower - upper, upper);
+}
+
+static inline Quad coloured(const floatw L, __global const float *restrict colour)
+{
+    const Quad out = {L * colour[0], L * colour[1], L * colour[2], 0.0f};
+    return out;
+}
+
+/* Mean radiance of the surroundings around a direction, as wide as the lobe of a roughness. */
+OUT_OF_LINE Quad light_around(
+    const Surroundings *s, const floatw dx, const floatw dy, const floatw dz, const floatw roughness)
+{
+    if (s->elevations == 0)
+        return prefiltered(s->specular, s->levels, s->size, dx, dy, dz, roughness);
+    const floatw at = roughness * (float)(s->levels - 1);
+    const intw level = clamp(TOINTW(at), (intw)0, (intw)(s->levels - 2));
+    return coloured(zonal(s->zonal, s->elevations, dx, dy, dz, level, at - FLOATW(level)), s->colour);
+}
+
+/* Irradiance of surfaces that face a direction. */
+OUT_OF_LINE Quad irradiance_on(
+    const Surroundings *s, __global const float *restrict table, const floatw dx, const floatw dy, const floatw dz)
+{
+    if (s->elevations == 0)
+        return bilinear(table, octahedral(dx, dy, dz, s->size));
+    const floatw L = zonal(s->zonal, s->elevations, dx, dy, dz, (intw)(s->levels - 1), 0.0f);
+    return coloured(M_PI_F * L, s->colour);
+}
+
 /* The round lobes of a surface: share, turn and roughness of each. */
 typedef struct {
     Quad of[LOBES];
@@ -152,14 +203,14 @@ OUT_OF_LINE Lobes lobes(__global const float *restrict table, const Corner c)
 /* Light of the round lobes from..to-1 that stand for a part of Schlick's Fresnel term, by the mirror direction X, Y, Z and
  * the normal in the world; their share in w. */
 static inline Quad reflection(
-    const Lobes *lobes, const int from, const int to, __global const float *restrict specular, const int levels,
-    const int size, const floatw X, const floatw Y, const floatw Z, const floatw Nx, const floatw Ny, const floatw Nz)
+    const Lobes *lobes, const int from, const int to, const Surroundings *around,
+    const floatw X, const floatw Y, const floatw Z, const floatw Nx, const floatw Ny, const floatw Nz)
 {
     Quad out = {0.0f, 0.0f, 0.0f, 0.0f};
     for (int k = from; k < to; k++) {
         const Quad lobe = lobes->of[k];
-        const Quad seen = prefiltered(
-            specular, levels, size, fma(lobe.y, Nx - X, X), fma(lobe.y, Ny - Y, Y), fma(lobe.y, Nz - Z, Z), lobe.z);
+        const Quad seen = light_around(
+            around, fma(lobe.y, Nx - X, X), fma(lobe.y, Ny - Y, Y), fma(lobe.y, Nz - Z, Z), lobe.z);
         out.x = fma(lobe.x, seen.x, out.x);
         out.y = fma(lobe.x, seen.y, out.y);
         out.z = fma(lobe.x, seen.z, out.z);
