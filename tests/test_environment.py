@@ -16,7 +16,15 @@ from aw4d.environment.model import _lobes
 from aw4d.errors import InputError
 from aw4d.params import AmbientParams
 from reference_numpy.brdf import V_SmithGGXCorrelated, alpha_of
-from reference_numpy.environment import PARTS, lobes, lookup, octahedral, octahedral_direction, reflection
+from reference_numpy.environment import (
+    PARTS,
+    Surroundings,
+    lobes,
+    octahedral,
+    octahedral_direction,
+    prefiltered,
+    reflection,
+)
 from reference_numpy.srgb import LUMINANCE
 
 Array = NDArray[np.float64]
@@ -91,6 +99,27 @@ def tables(around: Environment) -> dict[str, Array]:
     return {name: np.asarray(value, dtype=np.float64) for name, value in vars(arrays(around, camera, 1.0)).items()}
 
 
+def surroundings(around: Environment) -> Surroundings:
+    """The same as the passes look it up."""
+    t = tables(around)
+    return Surroundings(specular=t["env_specular"], zonal=t["env_zonal"], colour=t["env_colour"])
+
+
+def test_surroundings_that_are_alike_all_around_go_by_elevation(around: Environment) -> None:
+    """Those of snow, rain and fog; no others here."""
+    luminance = around.radiance @ LUMINANCE
+    alike = np.ptp(luminance, axis=1).max() <= 1e-6 * luminance.max()
+    colours = around.radiance[luminance > 0] / luminance[luminance > 0][:, None]
+    assert bool(tables(around)["env_zonal"].size) == (alike and np.ptp(colours, axis=0).max() <= 1e-6)
+
+
+def test_both_kinds_of_tables_tell_the_same_light() -> None:
+    """Where lobes are wider than texels."""
+    given, rng = surroundings(environment(AmbientParams(preset="overcast"))), np.random.default_rng(3)
+    d, roughness = rng.normal(size=(4096, 3)), rng.uniform(0.3, 1.0, 4096)
+    np.testing.assert_allclose(given.prefiltered(d, roughness), prefiltered(given.specular, d, roughness), rtol=5e-3)
+
+
 def strata(rng: np.random.Generator) -> tuple[Array, Array]:
     """Stratified pairs of numbers in [0, 1)."""
     u, v = np.meshgrid(np.arange(SIDE), np.arange(SIDE))
@@ -106,7 +135,7 @@ def basis(n: Array) -> Array:
 
 def test_irradiance_is_the_monte_carlo_integral_within_a_percent(around: Environment) -> None:
     """The noise of the estimate, by eight independent ones, is under 0.3 %, and allowed for."""
-    table, rng = tables(around)["env_irradiance"], np.random.default_rng(1)
+    given, table, rng = surroundings(around), tables(around)["env_irradiance"], np.random.default_rng(1)
     for n in ((0, 1.0, 0), (1.0, 0, 0), (0, 0, -1.0), (0.6, 0.64, 0.48), (-0.48, -0.6, 0.64)):
         estimates = []
         for _ in range(8):
@@ -116,7 +145,7 @@ def test_irradiance_is_the_monte_carlo_integral_within_a_percent(around: Environ
             estimates.append(np.pi * sample(around.radiance, local @ basis(np.array(n))).mean(axis=0) @ LUMINANCE)
         mean, noise = np.mean(estimates), np.std(estimates) / np.sqrt(8)
         assert noise < 0.003 * mean
-        assert abs(lookup(table, np.array(n)) @ LUMINANCE - mean) <= 0.01 * mean + 3 * noise
+        assert abs(given.irradiance_on(np.array(n), table) @ LUMINANCE - mean) <= 0.01 * mean + 3 * noise
 
 
 def microfacets(view: Array, alpha: float, rng: np.random.Generator) -> tuple[Array, Array]:
@@ -151,7 +180,7 @@ def ratios_to_monte_carlo(around: Environment, NoV: float, roughness: float) -> 
         to_light, weight = microfacets(view, float(alpha_of(roughness)), rng)
         truth = (sample(around.radiance, to_light @ frame) * weight[:, None]).mean(axis=0) @ LUMINANCE
         mirror = (2 * NoV * n - view @ frame)[None]
-        light = sum(reflection(t["env_specular"], found[:, part], mirror, n) for part in PARTS)
+        light = sum(reflection(surroundings(around), found[:, part], mirror, n) for part in PARTS)
         ratios.append(float(light[0] @ LUMINANCE) / truth)
     return np.array(ratios)
 

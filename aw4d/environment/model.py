@@ -141,9 +141,9 @@ def arrays(environment: Environment, camera: Camera, white_cd_m2: float) -> Envi
 @lru_cache(maxsize=2)  # the frames of a clip share them
 def _scaled_tables(environment: Environment, white_cd_m2: float) -> dict[str, NDArray[np.float32]]:
     tables = dict(environment.tables)
-    held = {"env_brdf": _lobes(), "env_colour": tables.pop("env_colour").astype(np.float32)}
-    for name, table in tables.items():
-        held[name] = (_texels(table) / white_cd_m2).astype(np.float32)
+    colour = tables.pop("env_colour").astype(np.float32)
+    held = {name: (_texels(table) / white_cd_m2).astype(np.float32) for name, table in tables.items()}
+    held |= {"env_brdf": _lobes(), "env_colour": colour}
     for table in held.values():
         table.flags.writeable = False  # so that a backend sees that it has the table already
     return held
