@@ -309,7 +309,7 @@ class OpenCLBackend:
         assert isinstance(planes, OpenCLPlanes)
         wanted_layers = PASSES[name].layers if planes.layers & PASSES[name].layers.keys() else {}
         kernels = self._built(name, bool(wanted_layers))
-        new = {plane: WORKING[plane] for plane in PASSES[name].writes if plane not in planes.buffers}
+        new = {plane: held_as(plane)[0] for plane in PASSES[name].writes if plane not in planes.buffers}
         for plane, channels in (wanted_layers | new).items():
             planes.buffers[plane] = self._buffer(plane, 4 * channels * planes.plane)
         for plane in set(PASSES[name].optional) - planes.buffers.keys():

@@ -151,8 +151,18 @@ def _check_planes(clip: Clip, name: str, made_before: set[str]) -> None:
 
 
 def _planes(clip: Clip, steps: Sequence[Step]) -> tuple[str, ...]:
-    """Planes to read: what the steps take, and the vehicles on which lamps shine."""
-    wanted = ["rgb", *(plane for step in steps for plane in PASSES[step.name].reads)]
+    """Planes to read: what the steps take before one of them has made it anew, and the vehicles on which lamps shine.
+
+    Where the surroundings light all of the picture anew, the recorded one is not read.
+    """
+    wanted: list[str] = []
+    made: set[str] = set()
+    for step in steps:
+        reads, writes = PASSES[step.name].reads, PASSES[step.name].writes
+        wanted += [plane for plane in reads if plane not in made]
+        made |= set(writes)
+    if "rgb" not in made:
+        wanted.append("rgb")
     if any(step.name == "spot_lights" for step in steps):
         wanted.append("vehicle")
     return tuple(dict.fromkeys(plane for plane in wanted if plane in clip.planes))

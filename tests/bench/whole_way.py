@@ -44,10 +44,11 @@ def timed(command: list[str]) -> Run:
 
 
 def only_decode_and_encode(path: Path, out: Path, planes: list[str]) -> None:
-    """What an edit cannot do without."""
+    """What it takes to read the frames and to write as many: the planes of an edit, and the recorded picture."""
     clip = Clip(path)
+    decoded = tuple(dict.fromkeys(("rgb", *planes)))
     with VideoWriter(out, fps=clip.info.fps) as writer:
-        for frame in mapped_ahead(partial(clip.frame, planes=planes), range(len(clip))):
+        for frame in mapped_ahead(partial(clip.frame, planes=decoded), range(len(clip))):
             writer.write(encode_srgb8(frame["rgb"]))
 
 
