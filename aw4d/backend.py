@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,13 @@ class Planes(Protocol):
         """(height, width) [px]."""
 
 
+class Twin(NamedTuple):
+    """How another process opens the same backend."""
+
+    device: int
+    width: int
+
+
 class Backend(Protocol):
     """Runs passes. Raises InputError at construction where it cannot work; never falls back to another one."""
 
@@ -33,6 +40,9 @@ class Backend(Protocol):
 
     def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
         """Start on what the passes need before they first run, where that takes time."""
+
+    def twin(self, names: Sequence[str], layers: Sequence[str], shape: tuple[int, int]) -> Twin | None:
+        """What a second process opens to help with the first run of passes on frames of a size; None: nothing helps."""
 
     def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> Planes:
         """Take a frame, what lights it, and the names of the layers that will be asked for."""

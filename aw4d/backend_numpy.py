@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aw4d.backend import Planes, check_names, frame_arguments, own_arguments
+from aw4d.backend import Planes, Twin, check_names, frame_arguments, own_arguments
 from aw4d.gbuffer import GBuffer
 from aw4d.params import Params
 from aw4d.passes import EMPTY, PASSES, held_as
@@ -40,6 +40,10 @@ class NumpyBackend:
 
     def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
         """Nothing has to be built."""
+
+    def twin(self, names: Sequence[str], layers: Sequence[str], shape: tuple[int, int]) -> Twin | None:
+        """Nothing has to be built."""
+        return None
 
     def upload(self, frame: GBuffer, scene: Scene, layers: Sequence[str] = ()) -> NumpyPlanes:
         """Take a frame; every layer is kept in any case."""

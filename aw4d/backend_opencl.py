@@ -14,12 +14,13 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from aw4d import cache as on_disk
 from aw4d import opencl
-from aw4d.backend import Planes, check_names, frame_arguments, own_arguments, unwritable
+from aw4d.backend import Planes, Twin, check_names, frame_arguments, own_arguments, unwritable
 from aw4d.channels import by_pixels, write_planar
 from aw4d.errors import InputError, JobError
 from aw4d.gbuffer import PLANES, GBuffer
-from aw4d.kernels import Kernel, build
+from aw4d.kernels import Kernel, build, cpu
 from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
 from aw4d.passes import (
@@ -42,6 +43,8 @@ from reference_numpy.sampling import gauss_legendre
 
 P = ParamSpec("P")
 R = TypeVar("R")
+POCL = "Portable Computing Language"  # its platform's name
+ASKED = "asked"  # of the cache's files: passes that PoCL has been asked for
 GO_ON = "try again, or choose another with --device (see `aw4d doctor`) or --backend numpy"
 LESS = "what helps is a clip of smaller frames, another --device (see `aw4d doctor`) or --backend numpy"
 _INCLUDE = re.compile(r'^#include "(?:include/)?(\w+\.h)"\n', re.MULTILINE)
@@ -142,7 +145,7 @@ class OpenCLBackend:
         self._cl = opencl.load()
         self.report = opencl.choose(device)
         self.width = width if width is not None else self.report.width
-        self._context = self._cl.Context([self.report.device])
+        self._context = self.report.context
         self._queue = self._cl.CommandQueue(self._context)
         self._uploads = self._cl.CommandQueue(self._context)
         self._sets = (_Set(), _Set())  # one is filled with a frame while passes work on the other
@@ -274,9 +277,23 @@ class OpenCLBackend:
     def prepare(self, names: Sequence[str], layers: Sequence[str] = ()) -> None:
         """Start to build the kernels of the passes, side by side."""
         for name in names:
-            key = (name, not PASSES[name].layers.keys().isdisjoint(layers))
+            key = (name, _with_layers(name, layers))
             if key not in self._kernels and key not in self._begun:
                 self._begun[key] = self._builders.submit(self._build, *key)
+
+    def twin(self, names: Sequence[str], layers: Sequence[str], shape: tuple[int, int]) -> Twin | None:
+        """Itself where it compiles kernels one at a time and has never been asked for these: on PoCL.
+
+        That it was asked is noted on disk: where that cannot be, PoCL will not keep what it compiles either.
+        """
+        if self.report.platform != POCL or len(os.sched_getaffinity(0)) < 2:
+            return None
+        built = [(source(name), self._options(_with_layers(name, layers))) for name in names]
+        key = (self.report.version, cpu(), os.environ.get("POCL_CACHE_DIR"), built, shape)
+        if on_disk.read(ASKED, key) is not None:
+            return None
+        on_disk.write(ASKED, key, {})
+        return None if on_disk.read(ASKED, key) is None else Twin(self.report.index, self.width)
 
     def _built(self, name: str, layers: bool) -> list[Kernel]:
         """Kernels of a pass; what nobody has begun is built here: Oclgrind's compiler crashes in another thread."""
@@ -288,14 +305,17 @@ class OpenCLBackend:
 
     def _build(self, name: str, layers: bool) -> list[Kernel]:
         """The kernels of a pass in order."""
-        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
-        options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}", f"-DPACK={PACK}"]
-        options += ["-DLAYERS"] * layers
+        wanted = [stage.kernel for stage in stages(name)]
         try:
-            return build(self._context, self.report, source(name), options, [stage.kernel for stage in stages(name)])
+            return build(self._context, self.report, source(name), self._options(layers), wanted)
         except self._cl.Error as error:
             reason = opencl.first_error(error)
             raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
+
+    def _options(self, layers: bool) -> list[str]:
+        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
+        options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}", f"-DPACK={PACK}"]
+        return options + ["-DLAYERS"] * layers
 
     @_told
     def run(self, name: str, planes: Planes, p: Params) -> None:
@@ -404,6 +424,11 @@ class OpenCLBackend:
             copied.wait()
             out[name] = by_pixels(padded[:, :, :width])
         return out
+
+
+def _with_layers(name: str, layers: Sequence[str]) -> bool:
+    """Whether a pass gives any of the layers."""
+    return not PASSES[name].layers.keys().isdisjoint(layers)
 
 
 def _planar(values: NDArray[Any], pitch: int) -> NDArray[Any]:

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -242,13 +243,15 @@ def edit(
     from aw4d.render import open_backend
 
     opened = Clip(clip)
-    made = plan(opened, weather, set_ or (), quality)
+    with ThreadPoolExecutor(1) as beside:  # a driver's first start and the search for lamps take half a second each
+        opening = beside.submit(open_backend, backend, device)
+        made = plan(opened, weather, set_ or (), quality)
     chosen = indices(frames, len(opened))
     if out is not None:
         check_target(out, kind=kind, layer_folder=layers, overwrite=overwrite)
     for name, reason in made.skipped.items():
         logging.getLogger("aw4d").info("%s is not run: %s", name, reason)
-    runs_on = open_backend(backend, device)
+    runs_on = opening.result()
     explained = _explained(opened, made, runs_on, chosen) if explain else None
     if out is None:
         return

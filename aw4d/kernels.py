@@ -72,7 +72,7 @@ def build(
     """
     cl = opencl.load()
     keeps = not (report.kind == "cpu" and "intel" in report.platform.lower())
-    key = (report.platform, report.name, report.version, _cpu(), text, list(options))
+    key = (report.platform, report.name, report.version, cpu(), text, list(options))
     if not keeps and (held := cache.read(KIND, key)) is not None:
         with contextlib.suppress(cl.Error, KeyError):  # else a binary that the runtime refuses: it is built anew
             program = cl.Program(context, [report.device], [held[_BINARY].tobytes()])
@@ -90,7 +90,7 @@ def build(
 _BINARY = " binary"  # no name of a kernel
 
 
-def _cpu() -> str:
+def cpu() -> str:
     """What this machine's processor can do: binaries of one that can do more would stop the program."""
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():

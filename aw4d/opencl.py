@@ -91,7 +91,12 @@ class DeviceReport:
     @cached_property
     def problem(self) -> str:
         """What went wrong in a build and run, in one line; empty where the device works."""
-        return _probe(self.device)
+        return _probe(self)
+
+    @cached_property
+    def context(self) -> Any:
+        """The one context of this device: with its last context PoCL forgets its library, half a second's work."""
+        return load().Context([self.device])
 
     @property
     def usable(self) -> bool:
@@ -119,11 +124,11 @@ def first_error(error: Exception) -> str:
     return next((line for line in lines if "error" in line.lower()), lines[0] if lines else repr(error))
 
 
-def _probe(device: Any) -> str:
+def _probe(report: DeviceReport) -> str:
     """Build and run a kernel; what went wrong in one line, or nothing."""
     cl = load()
     try:
-        context = cl.Context([device])
+        context = report.context
         queue = cl.CommandQueue(context)
         kernel = cl.Kernel(cl.Program(context, _PROBE).build(cache_dir=False), "probe")
         a = np.linspace(0, 4, 64, dtype=np.float32)

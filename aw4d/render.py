@@ -89,7 +89,7 @@ def frames_of(
     depths = [name for name in ("depth", *PARTICLE_DEPTHS) if LABELS in layers and name in {"depth", *made.layers}]
     read = tuple(dict.fromkeys((*made.planes, *labels)))
     wanted = list(dict.fromkeys((*own, *depths)))
-    backend.prepare([step.name for step in made.steps], wanted)
+    _make_ready(backend, clip, made, wanted)
     made = with_clip_exposure(clip, made, backend)
     for index, source, out in _rendered(clip, made, backend, chosen, read, wanted):
         rgb = out.pop("rgb")
@@ -100,6 +100,17 @@ def frames_of(
             out = {name: plane for name, plane in out.items() if name in own or name not in depths}
             out |= {name: source[name] for name in labels} | {EDITED_DEPTH: edited}
         yield Frame(index=index, time=source.time, rgb=rgb, layers=out)
+
+
+def _make_ready(backend: Backend, clip: Clip, made: Plan, layers: Sequence[str]) -> None:
+    """Begin with what takes time before passes first run."""
+    passes = {step.name: step.params for step in made.steps}
+    backend.prepare(list(passes), layers)
+    camera = clip.info.camera(0)
+    if twin := backend.twin(list(passes), layers, camera.shape):
+        from aw4d.beside import begin as begin_beside  # a run on NumPy must not need an OpenCL loader
+
+        begin_beside(twin, passes, made.planes, layers, camera, lambda: made.scene(0))
 
 
 def _rendered(
