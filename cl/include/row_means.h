@@ -30,10 +30,9 @@ typedef struct {
     float lower;                 /* weight of the one below */
 } Means;
 
-/* For the rows from y on, as many as a step passes. */
-static inline Means means_around(const int y, const int step, const int height, const int row)
+/* Of blocks of one size, a number that is known when this is compiled: dividing by others takes long. */
+static inline Means means_in(const int block, const int y, const int step, const int height, const int row)
 {
-    const int block = step <= BLOCK_ROWS[0] ? 0 : step <= BLOCK_ROWS[1] ? 1 : 2;
     const int rows = BLOCK_ROWS[block], count = blocks_of(rows, height), first = first_mean(block, height, row);
     const int middle = 2 * y + step + rows, above = middle / (2 * rows) - 1;
     Means m;
@@ -42,5 +41,15 @@ static inline Means means_around(const int y, const int step, const int height, 
     m.size = count * row;
     m.lower = (middle % (2 * rows)) / (2.0f * rows);
     return m;
+}
+
+/* For the rows from y on, as many as a step passes. */
+static inline Means means_around(const int y, const int step, const int height, const int row)
+{
+    if (step <= BLOCK_ROWS[0])
+        return means_in(0, y, step, height, row);
+    if (step <= BLOCK_ROWS[1])
+        return means_in(1, y, step, height, row);
+    return means_in(2, y, step, height, row);
 }
 #endif
