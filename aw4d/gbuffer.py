@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -161,6 +161,12 @@ class GBuffer(Mapping[str, Plane]):
         """The same frame with one plane more, or another one in its place; only that one is checked."""
         out = GBuffer({}, camera=self.camera, time=self.time)
         out._planes = self._planes | {name: check_plane(name, values, *self.camera.shape)}
+        return out
+
+    def only(self, names: Collection[str]) -> GBuffer:
+        """The same frame with those of its planes that are named."""
+        out = GBuffer({}, camera=self.camera, time=self.time)
+        out._planes = {name: values for name, values in self._planes.items() if name in names}
         return out
 
     def __getitem__(self, name: str) -> Plane:

@@ -204,13 +204,16 @@ def check_layers(made: Plan, layers: Sequence[str]) -> None:
 
 
 def prepare(frame: GBuffer, made: Plan, index: int) -> GBuffer:
-    """A frame of the clip as the steps take it: with all that shines by itself, over another renderer's light."""
+    """A frame of the clip as the steps take it: with all that shines by itself, over another renderer's light.
+
+    What only the lamps are placed by stays here.
+    """
     if made.settings.ambient.frames:
         frame = frame.with_plane("rgb", rendered(Path(made.settings.ambient.frames), index, frame.camera.shape))
     lit = any(step.name == "spot_lights" for step in made.steps)
     if lit and (emissive := made.lighting.emissive(frame, index)) is not None:
         frame = frame.with_plane("emissive", emissive)
-    return frame
+    return frame.only({"rgb", *(plane for step in made.steps for plane in PASSES[step.name].reads)})
 
 
 def render(

@@ -17,6 +17,7 @@ from reference_numpy.sampling import gauss_legendre
 
 GRID = (19, 33)  # rays, up and across
 MARGIN = 0.1  # of the picture to every side: the glow of a lamp in there peaks at one ray, which a grid may miss
+Lens = tuple[tuple[int, int], tuple[float, ...]]  # size of the picture, (height, width) [px], and K row by row
 ANGLES = 200  # nodes of the phase function's integral: to 2e-4 at |g| = 0.999, the largest that is admitted
 
 
@@ -33,9 +34,9 @@ def air_reach(lights: LightArrays, camera: Camera, fog: FogParams) -> NDArray[np
     reach = np.full(len(lights), np.inf)
     if fog.faintest > 0:
         reach[local] = brightest[local] * _angular_integral(fog.g) / fog.faintest
-    rays = _rays(camera)
+    lens = camera.shape, tuple(camera.K.ravel().tolist())
     for i in np.flatnonzero(local & _outside(lights, camera)):
-        if brightest[i] * _glow(lights, int(i), rays, fog) <= fog.faintest:
+        if brightest[i] * _glow(_alone(lights, int(i)), lens, fog) <= fog.faintest:
             reach[i] = 0.0
     return reach.astype(np.float32)
 
@@ -47,25 +48,26 @@ def _angular_integral(g: float) -> float:
     return float(np.pi / 2 * (w * henyey_greenstein(np.cos(np.pi / 2 * (1 + x)), g=g)).sum())
 
 
-def _glow(lights: LightArrays, i: int, rays: NDArray[np.float64], fog: FogParams) -> float:
-    """The most that one of the rays gathers of a lamp of unit intensity [1/m]."""
-    source = lamp(
-        i,
-        light_kind=lights.light_kind,
-        light_position=lights.light_position.astype(np.float64),
-        light_direction=lights.light_direction.astype(np.float64),
-        light_cos_inner=lights.light_cos_inner.astype(np.float64),
-        light_cos_outer=lights.light_cos_outer.astype(np.float64),
-        light_r_max=lights.light_r_max.astype(np.float64),
-    )
+def _alone(lights: LightArrays, i: int) -> tuple[tuple[str, tuple[float, ...]], ...]:
+    """What tells where a lamp shines: the arguments of `lamp`, and their values of this one."""
+    names = ("kind", "position", "direction", "cos_inner", "cos_outer", "r_max")
+    return tuple((f"light_{name}", tuple(np.ravel(getattr(lights, f"light_{name}")[i]).tolist())) for name in names)
+
+
+@lru_cache(maxsize=256)  # headlights stay where they are before the camera
+def _glow(alone: tuple[tuple[str, tuple[float, ...]], ...], lens: Lens, fog: FogParams) -> float:
+    """The most that a ray of the camera gathers of a lamp of unit intensity [1/m]."""
+    rays = _rays(lens)
+    source = lamp(0, **{name: np.array(value)[None] if len(value) > 1 else np.array(value) for name, value in alone})
     endless = np.full(rays.shape[:-1], fog.extent_m)
     return float(along_ray(source, rays, endless, extinction=fog.extinction, g=fog.g, nodes=fog.nodes).max())
 
 
-def _rays(camera: Camera) -> NDArray[np.float64]:
-    v, u = (np.linspace(0, size - 1, count) for size, count in zip(camera.shape, GRID, strict=True))
+def _rays(lens: Lens) -> NDArray[np.float64]:
+    shape, K = lens
+    v, u = (np.linspace(0, size - 1, count) for size, count in zip(shape, GRID, strict=True))
     pixel = np.stack([*np.meshgrid(u, v), np.ones(GRID)], axis=-1)
-    ray = pixel @ np.linalg.inv(camera.K).T
+    ray = pixel @ np.linalg.inv(np.reshape(K, (3, 3))).T
     return np.asarray(ray / np.linalg.norm(ray, axis=-1, keepdims=True), dtype=np.float64)
 
 

@@ -166,8 +166,7 @@ class _Lamp:
 def _lamps(info: ClipInfo, index: int, params: VehicleLightParams) -> Iterator[_Lamp]:
     """Lamps of the vehicles in a frame that move somewhere in the clip; one that waits keeps its lights on."""
     for track, motion in _motions(info, params.window_s).items():
-        box = motion.box(index)
-        if box is not None and motion.drives >= params.moving_m_s:
+        if motion.drives >= params.moving_m_s and (box := motion.box(index)) is not None:
             yield from _box_lamps(box, motion.front, f"vehicle-{track}", params)
 
 
