@@ -182,6 +182,58 @@ def test_a_far_lamp_does_not_flicker_as_it_moves() -> None:
     np.testing.assert_allclose(sums, sums[0], rtol=1e-3)
 
 
+def _tail_at(z: float) -> tuple[ClipInfo, tuple[int, int]]:
+    """A car whose tail lights are z away, and the pixel of the brightest."""
+    info = _info(lambda index: _box(0, -z - 2.0 - 0.5 * (index - 4), np.pi))
+    row, column = np.unravel_index(np.argmax(_emission(info, z)[..., 0]), (HEIGHT, WIDTH))
+    return info, (int(row), int(column))
+
+
+def _red(*windows: tuple[slice, slice]) -> NDArray[np.float32]:
+    """Albedo of a grey vehicle with red parts."""
+    albedo = np.full((HEIGHT, WIDTH, 3), 0.3, np.float32)
+    for window in windows:
+        albedo[window] = 0.6, 0.05, 0.02
+    return albedo
+
+
+def test_a_near_tail_light_has_the_place_and_the_flux_of_its_lens() -> None:
+    """Here 0.2 m above where the box has it; a red dot, too small for a lens, stands between."""
+    z = 4.0
+    info, (row, column) = _tail_at(z)
+    up, radius = round(0.2 * FOCAL / z), 0.09 * FOCAL / z
+    half = round(radius * 1.2)
+    lens = slice(row - up - half, row - up + half), slice(column - half, column + half)
+    dot = slice(row, row + 1), slice(column, column + 1)
+    before, after = _emission(info, z), _emission(info, z, albedo=_red(lens, dot))
+    changed = (before != after).any(axis=-1)
+    assert after[lens][..., 0].min() == pytest.approx(after[lens][..., 0].max())
+    assert after[lens].max() <= before.max()
+    assert not after[row, column].any()
+    assert after[..., 0].sum() == pytest.approx(before[..., 0].sum(), rel=0.03)
+    other = np.zeros((HEIGHT, WIDTH), bool)
+    other[:, : column - 2 * half] = other[:, column + 2 * half :] = True
+    assert not (changed & other).any(), "the other lamp's side has no lens: its disc stays"
+
+
+@pytest.mark.parametrize("z", [30.0, 90.0])
+def test_a_far_tail_light_is_a_disc_whatever_is_red(z: float) -> None:
+    info, (row, column) = _tail_at(z)
+    albedo = _red((slice(row - 2, row + 3), slice(column - 2, column + 3)))
+    np.testing.assert_array_equal(_emission(info, z, albedo=albedo), _emission(info, z))
+
+
+def test_a_lens_takes_the_place_of_a_disc_without_a_jump() -> None:
+    """A metre nearer at each step, the flux grows as the distance squared falls."""
+    flux = []
+    for z in np.arange(8.0, 20.0):
+        info, (row, column) = _tail_at(z)
+        half = round(0.1 * FOCAL / z)
+        lens = slice(row - 2 * half, row), slice(column - half, column + half)
+        flux.append(_emission(info, z, albedo=_red(lens))[..., 0].sum() * z**2)
+    np.testing.assert_allclose(flux, np.mean(flux), rtol=0.1)
+
+
 def test_what_stands_in_front_hides_a_lamp() -> None:
     info = _info(_ahead)
     assert _emission(info, 10.0).max() == 0

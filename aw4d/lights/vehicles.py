@@ -15,6 +15,7 @@ from aw4d.camera import Camera
 from aw4d.clip import ClipInfo
 from aw4d.errors import InputError
 from aw4d.lights.faces import add_disc
+from aw4d.lights.lenses import add_tail_face
 from aw4d.lights.light import Light, Vector
 from aw4d.lights.photometry import on_picture
 from aw4d.params import RGB, VehicleLightParams
@@ -245,7 +246,8 @@ def add_vehicle_faces(
     info, index, params, white_cd_m2
         As for `vehicle_lights`.
     planes
-        `vehicle` (H, W), 0 = none, and `depth` (H, W) [m].
+        `vehicle` (H, W), 0 = none, and `depth` (H, W) [m]; of `albedo` (H, W, 3), where it is given, the red parts are
+        the lenses of near tail lights.
     lit
         Names of the lamps that burn; all of them by default.
 
@@ -269,7 +271,11 @@ def add_vehicle_faces(
             centre = camera.to_camera(lamp.position - SETBACK * lamp.facing)
             radiance = _seen(lamp, centre, camera) * np.array(_face(lamp, params, white_cd_m2))
             if radiance.any():
-                add_disc(out, centre, params.radius_m, radiance.tolist(), camera, shown)
+                face = out, centre, params.radius_m, radiance.tolist(), camera, shown
+                if lamp.head or "albedo" not in planes:
+                    add_disc(*face)
+                else:
+                    add_tail_face(*face, planes["albedo"])
 
 
 def _face(lamp: _Lamp, params: VehicleLightParams, white_cd_m2: float) -> RGB:
