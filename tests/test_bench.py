@@ -14,12 +14,15 @@ from aw4d.backend_numpy import NumpyBackend
 from aw4d.bench.against import COMPILED, NUMBA, TORCH
 from aw4d.bench.bars import bars
 from aw4d.bench.counting import moved_bytes, operations
+from aw4d.bench.curves import ALL, by_pixels
 from aw4d.bench.found import Found, plain
 from aw4d.bench.fronts import front
 from aw4d.bench.hard_inputs import Scenery, trial
 from aw4d.bench.limits import Limits
+from aw4d.bench.passes import PassRow
 from aw4d.bench.run import run_bench
 from aw4d.bench.tables import tables, to_markdown
+from aw4d.bench.timing import Timing
 from aw4d.passes import PASSES
 
 if TYPE_CHECKING:
@@ -63,6 +66,29 @@ def test_the_limit_that_binds_is_the_slower() -> None:
     limits = Limits(device="it", width=16, fma_gflop_s=100.0, copy_gb_s=10.0, builtins_g_s={})
     assert limits.seconds(operations=1e9, nbytes=1e6) == (pytest.approx(0.01), "fma")
     assert limits.seconds(operations=1e6, nbytes=1e9) == (pytest.approx(0.1), "copy")
+
+
+def test_what_all_passes_cost_by_pixels_is_the_sum_of_the_lines() -> None:
+    lines = {"fog": (1.0, 3.0), "ambient": (0.5, 7.0)}
+    rows = [
+        PassRow(
+            step=step,
+            scene="street",
+            width=1000 * scale,
+            height=1000,
+            device="it",
+            time=Timing(median_ms=fixed + rate * scale, low_ms=0.0, high_ms=0.0, runs=1),
+            bytes=0,
+            operations=0.0,
+            bound="fma",
+        )
+        for step, (fixed, rate) in lines.items()
+        for scale in (1, 2, 5)
+    ]
+    for fit in by_pixels(rows):
+        fixed, rate = lines.get(fit.step, (1.5, 10.0))
+        assert (fit.fixed_ms, fit.ms_a_megapixel, fit.off) == pytest.approx((fixed, rate, 0.0), abs=1e-9)
+    assert [fit.step for fit in by_pixels(rows)] == ["fog", "ambient", ALL]
 
 
 def test_what_has_no_bounds_is_said_in_strict_json() -> None:

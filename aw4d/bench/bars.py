@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from aw4d.bench.against import COMPILED, NUMBA, PeerRow
+from aw4d.bench.curves import ALL, PixelFit
 from aw4d.bench.found import Found
 from aw4d.bench.frames import AT
 from aw4d.bench.passes import NUMPY, PassRow
@@ -80,9 +81,12 @@ def _peers(found: Found) -> Iterator[Bar]:
 
 def _costs(found: Found) -> Iterator[Bar]:
     if found.pixels:
-        worst = max(found.pixels, key=lambda fit: fit.off)
-        what = f"linear in pixels: farthest from it, {worst.step} on {worst.device}"
-        yield Bar(what=what, wanted=f"<= {OFF_LINE:.0%}", got=f"{worst.off:.0%}", met=worst.off <= OFF_LINE)
+        together = [fit for fit in found.pixels if fit.step == ALL]
+        alone: PixelFit = max((fit for fit in found.pixels if fit.step != ALL), key=lambda fit: fit.off)
+        for fit in (*together, alone):
+            farthest = ": farthest from it" if fit is alone else ""
+            what = f"linear in pixels{farthest}, {fit.step} on {fit.device}"
+            yield Bar(what=what, wanted=f"<= {OFF_LINE:.0%}", got=f"{fit.off:.0%}", met=fit.off <= OFF_LINE)
     for step, device in dict.fromkeys((point.step, point.device) for point in found.costs):
         for of, most in (("lights", LIGHTS_TIMES), ("particles", PARTICLES_TIMES)):
             seen = [p for p in found.costs if (p.step, p.device, p.of) == (step, device, of)]

@@ -22,6 +22,7 @@ from aw4d.scene import Scene
 LIGHTS = (8, 64, 512)
 PARTICLES = (10_000, 100_000, 1_000_000)
 LENGTHS = (57, 228)  # frames
+ALL = "all passes"  # their sum
 FALLING = {"rain_streaks": ("rain", "drops"), "snow_fall": ("snow", "flakes")}
 
 
@@ -59,21 +60,27 @@ class MemoryPoint:
 
 
 def by_pixels(rows: Sequence[PassRow]) -> list[PixelFit]:
-    """Fits for every pass and device over the sizes of the street."""
+    """Fits for every pass and device over the sizes of the street, and for the sums of all passes."""
+    took: dict[tuple[str, str], dict[int, float]] = {}
+    for row in rows:
+        if row.bound is not None and row.scene == "street":
+            took.setdefault((row.step, row.device), {})[row.width * row.height] = row.time.median_ms
+    for device in dict.fromkeys(device for _, device in took):
+        own = [times for (_, of), times in took.items() if of == device]
+        sizes = set.intersection(*map(set, own))
+        took[ALL, device] = {size: sum(times[size] for times in own) for size in sorted(sizes)}
+    return [_line(step, device, times) for (step, device), times in took.items() if len(times) > 1]
+
+
+def _line(step: str, device: str, times: dict[int, float]) -> PixelFit:
+    """The fit of milliseconds by pixels."""
     import numpy as np
 
-    out = []
-    for step, device in dict.fromkeys((row.step, row.device) for row in rows if row.bound is not None):
-        seen = [r for r in rows if (r.step, r.device, r.scene) == (step, device, "street")]
-        if len({row.width * row.height for row in seen}) < 2:
-            continue
-        pixels = np.array([row.width * row.height / 1e6 for row in seen])
-        took = np.array([row.time.median_ms for row in seen])
-        lines = np.stack([1 / took, pixels / took], axis=1)
-        (fixed, rate), *_ = np.linalg.lstsq(lines, np.ones(len(took)), rcond=None)
-        off = float(np.abs((fixed + rate * pixels) / took - 1).max())
-        out.append(PixelFit(step=step, device=device, fixed_ms=float(fixed), ms_a_megapixel=float(rate), off=off))
-    return out
+    pixels, took = np.array(list(times)) / 1e6, np.array(list(times.values()))
+    lines = np.stack([1 / took, pixels / took], axis=1)
+    (fixed, rate), *_ = np.linalg.lstsq(lines, np.ones(len(took)), rcond=None)
+    off = float(np.abs((fixed + rate * pixels) / took - 1).max())
+    return PixelFit(step=step, device=device, fixed_ms=float(fixed), ms_a_megapixel=float(rate), off=off)
 
 
 def by_lights(frame: GBuffer, backend: OpenCLBackend, runs: int) -> list[CostPoint]:
