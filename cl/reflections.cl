@@ -28,7 +28,7 @@ typedef struct {
     int row, apart;              /* [px] from one row of `pixels` to the next, and from depth to red, green, blue */
     int v;                       /* [px] row of the mirroring pixels */
     float inv_fy;
-    float inv_edge_u, inv_edge_v; /* [1/px] */
+    float inv_edge_v;            /* [1/px] */
     float reach_m, inv_reach_fade, thickness_m;
 } Walk;
 
@@ -39,19 +39,30 @@ typedef struct {
     floatw pixel, width;         /* [m] a pixel there, half the lobe's width */
 } Seen;
 
+/* A share of the lobe or of a pixel and what it leaves of 1: next to the whole that needs digits of its own. */
+typedef struct {
+    floatw share, left;
+} Part;
+
+/* How much two columns side by side count, what the picture's borders leave, and how near the line is to the right one. */
+typedef struct {
+    floatw left, right, outside, to_right;
+} Columns;
+
 /* Two pixels of a row side by side and, between them, what they show of things. */
 typedef struct {
     intw x;                      /* [px] column of the left one */
     int row;                     /* [px] how far up */
+    int any;                     /* whether there may be some; else nothing more is said */
     int together;                /* whether those of the whole vector lie side by side */
-    floatw up_to;                /* share of the lobe below the things */
-    floatw left, right;          /* parts of it whose light comes from each; the rest hides the rays */
-    floatw wide;                 /* [px] half the lobe's width */
+    Part lobe;                   /* its share below the things */
+    floatw left, right, hidden;  /* parts of what is below whose light comes from each, and that hides the rays */
+    floatw wide;                 /* [px] half the lobe's width, less a pixel */
 } Things;
 
-/* Sums over what covers the lobe: radiance, and 1. */
+/* Sums over what covers the lobe: radiance, and 1; and what of the lobe is left to the surroundings. */
 typedef struct {
-    floatw r, g, b, own;
+    floatw r, g, b, own, left;
 } Sums;
 
 /* Values of two pixels side by side. */
@@ -104,6 +115,28 @@ static inline Pair pick(__global const float *restrict p, const intw x, const in
 static inline floatw ramp(const floatw x)
 {
     return clamp(x, 0.0f, 1.0f);
+}
+
+static inline Part larger(const Part a, const Part b)
+{
+    const Part p = {fmax(a.share, b.share), fmin(a.left, b.left)};
+    return p;
+}
+
+static inline Part smaller(const Part a, const Part b)
+{
+    const Part p = {fmin(a.share, b.share), fmax(a.left, b.left)};
+    return p;
+}
+
+/* How much larger `b` is. What is left is known where the layer is asked for, which shows the least of it. */
+static inline floatw gain(const Part a, const Part b)
+{
+#ifdef LAYERS
+    return fmax(SELECTW(a.share > 0.5f, a.left - b.left, b.share - a.share), 0.0f);
+#else
+    return fmax(b.share - a.share, 0.0f);
+#endif
 }
 
 /* A row of the copy and of the means is a tile longer than the picture's: it ends with its last pixel once more, since pixels
@@ -188,20 +221,50 @@ static inline floatw ground(const Seen *p)
 }
 
 /* Share of the lobe below it; `inv` is 1 / (thick ground). */
-static inline floatw covers(const Walk *k, const Mirrored *m, const Seen *p, const float stride, const floatw inv)
+static inline Part covers(const Walk *k, const Mirrored *m, const Seen *p, const float stride, const floatw inv)
 {
-    const floatw deep = thick(k, p, stride);
-    const floatw cdf = smooth_ramp(fma((floatw)0.5f, p->q / p->width, (floatw)0.5f));
-    const floatw share = fmax(cdf - m->below, 0.0f) * m->inv_above;
+    const floatw deep = thick(k, p, stride), half_q = 0.5f * (p->q / p->width);
+    const floatw share = fmin(fmax(smooth_ramp(0.5f + half_q) - m->below, 0.0f) * m->inv_above, 1.0f);
     const floatw hangs = ramp(fma((deep + p->width - p->q) * (1.0f / FADE), inv * ground(p), (floatw)1.0f));
     const floatw stands = ramp(fma(p->h, inv * deep, (floatw)-1.0f));
-    return share * hangs * stands * ramp(p->ahead * m->inv_near) * ramp((k->reach_m - p->t) * k->inv_reach_fade);
+    const floatw counts = hangs * stands * ramp(p->ahead * m->inv_near) * ramp((k->reach_m - p->t) * k->inv_reach_fade);
+    const floatw above = fmin(smooth_ramp(0.5f - half_q) * m->inv_above, 1.0f);
+    const Part lobe = {share * counts, fma(share, 1.0f - counts, above)};
+    return lobe;
 }
 
 /* Whether it stands before the mirroring place, so that the rays rise behind it, 0 to 1. */
-static inline floatw hides(const Mirrored *m, const floatw ahead)
+static inline Part hides(const Mirrored *m, const floatw ahead)
 {
-    return ramp(fma(-ahead, m->inv_near, (floatw)-1.0f)) * ramp((HIDDEN_M + ahead) * (1.0f / (FADE * HIDDEN_M)));
+    const floatw hidden = ramp((HIDDEN_M + ahead) * (1.0f / (FADE * HIDDEN_M)));
+    const floatw share = ramp(fma(-ahead, m->inv_near, (floatw)-1.0f)) * hidden;
+    const Part lobe = {share, 1.0f - share};
+    return lobe;
+}
+
+/* How much counts that lies so many columns, whole ones and a part, from a border of the picture. */
+static inline Part fading(const floatw columns, const floatw part, const int width)
+{
+    const float inv = 1.0f / width;
+    const floatw left = fma(columns, (floatw)(-1.0f / EDGE), (floatw)width);
+    const Part p = {ramp((columns + part) * (inv / EDGE)), ramp(fma(part, (floatw)(-1.0f / EDGE), left) * inv)};
+    return p;
+}
+
+/* How much the columns to both sides of the line count, so much right of the left one but for the low parts of its lean.
+ * Next to the whole, little is left of either. */
+static inline Columns columns_between(
+    const Walk *k, const Mirrored *m, const floatw beside, const intw column, const int rows)
+{
+    const floatw to_r = ramp(fma((floatw)-rows, m->lean.lo, beside));
+    const floatw to_l = ramp(fma((floatw)rows, m->lean.lo, 1.0f - beside));
+    const Part from_l = fading(FLOATW(column), to_r, k->width);
+    const Part from_r = fading(FLOATW(k->width - 2 - column), to_l, k->width);
+    const float v = clamp((float)(k->v - rows) * k->inv_edge_v, 0.0f, 1.0f);
+    const floatw across = from_l.share * from_r.share, inside = across * v;
+    const floatw outside = fma(across, (floatw)(1.0f - v), fma(from_l.share, from_r.left, from_l.left));
+    const Columns in = {to_l * inside, to_r * inside, outside, to_r};
+    return in;
 }
 
 static inline intw may_hide(const floatw ahead)
@@ -218,12 +281,12 @@ OUT_OF_LINE Things things(
     const floatw near = fma((floatw)-rows, m->lean.hi, m->u);
     const intw whole = TOINTW(near);
     const floatw rest = fma((floatw)-rows, m->lean.lo, near - FLOATW(whole));
-    const intw more = TOINTW(rest + 64.0f) - 64;
+    const intw column = whole + TOINTW(rest + 8.0f) - 8; /* within 2^-22 of a column it may be that column's */
     Things f;
-    f.x = min(max(whole + more, (intw)0), (intw)(k->width - 1));
+    f.x = min(max(column, (intw)0), (intw)(k->width - 1));
     f.row = rows;
     f.together = !ANYW(f.x != FIRST(f.x) + TOINTW(LANES));
-    f.up_to = 0.0f;
+    f.any = 0;
     const Pair z = pick(k->pixels + (k->v - rows) * k->row, f.x, f.together);
     const floatw columns = FLOATW(f.x) - m->u;
     const Sharp over = slope(&m->over, columns, (float)rows), above = slope(&m->above, columns, (float)rows);
@@ -244,20 +307,26 @@ OUT_OF_LINE Things things(
     if (!ANYW(before | asked & (more_l | more_r)))
         return f;
 
-    const floatw w = ramp(rest - FLOATW(more));
-    /* A column's number has few digits left for what lies between it and the picture's border. */
-    const floatw from_left = FLOATW(whole) + rest, from_right = FLOATW(k->width - 1 - whole) - rest;
-    const floatw inside = ramp(from_left * k->inv_edge_u) * ramp(from_right * k->inv_edge_u)
-        * clamp((float)(k->v - rows) * k->inv_edge_v, 0.0f, 1.0f);
-    const floatw in_r = w * inside, in_l = inside - in_r;
+    f.any = 1;
+    const Columns in = columns_between(k, m, near - FLOATW(column), column, rows);
     const floatw a = thick(k, &l, stride) * ground(&l), b = thick(k, &r, stride) * ground(&r), inv = 1.0f / (a * b);
-    f.left = in_l * covers(k, m, &l, (float)stride, inv * b);
-    f.right = in_r * covers(k, m, &r, (float)stride, inv * a);
-    f.up_to = f.left + f.right;
-    if (ANYW(before))
-        f.up_to += fma(in_l, hides(m, l.ahead), in_r * hides(m, r.ahead));
-    const floatw wide_l = l.width * r.pixel, wide_r = r.width * l.pixel;
-    f.wide = fma(w, wide_r - wide_l, wide_l) / (l.pixel * r.pixel);
+    const Part of_l = covers(k, m, &l, (float)stride, inv * b), of_r = covers(k, m, &r, (float)stride, inv * a);
+    f.left = in.left * of_l.share;
+    f.right = in.right * of_r.share;
+    f.hidden = 0.0f;
+    floatw left_l = of_l.left, left_r = of_r.left;
+    if (ANYW(before)) {
+        const Part hid_l = hides(m, l.ahead), hid_r = hides(m, r.ahead);
+        f.hidden = fma(in.left, hid_l.share, in.right * hid_r.share);
+        left_l = fmin(left_l, hid_l.left);
+        left_r = fmin(left_r, hid_r.left);
+    }
+    f.lobe.share = f.left + f.right + f.hidden;
+#ifdef LAYERS /* else nobody asks */
+    f.lobe.left = in.outside + fma(in.left, left_l, in.right * left_r);
+#endif
+    const floatw wide_l = l.t * r.pixel, wide_r = r.t * l.pixel;
+    f.wide = m->lobe * fma(in.to_right, wide_r - wide_l, wide_l) / (l.pixel * r.pixel);
     return f;
 }
 
@@ -273,12 +342,21 @@ static inline void add_own(Sums *s, const Walk *k, const Things *f, const floatw
     s->b = fma(left, b.left, fma(right, b.right, s->b));
 }
 
+/* Leaves some of the lobe to the surroundings, which the layer alone shows. */
+static inline void leave(Sums *s, const floatw share)
+{
+#ifdef LAYERS
+    s->left += share;
+#endif
+}
+
 /* Things that cover `share` more of the lobe. */
 static inline void add(Sums *s, const Walk *k, const Things *f, const floatw share)
 {
-    const floatw part = share / fmax(f->up_to, 1e-30f), left = part * f->left, right = part * f->right;
+    const floatw part = share / fmax(f->lobe.share, 1e-30f), left = part * f->left, right = part * f->right;
     add_own(s, k, f, left, right);
     s->own += left + right;
+    leave(s, part * f->hidden);
 }
 
 static inline Pair mean(__global const float *restrict p, const Means at, const Things *f)
@@ -291,8 +369,9 @@ static inline Pair mean(__global const float *restrict p, const Means at, const 
 /* The same in the mean light of things in the rows of the step. */
 static inline void add_mean(Sums *s, const Walk *k, const Things *f, const int stride, const floatw share)
 {
-    const floatw part = share / fmax(f->up_to, 1e-30f), left = part * f->left, right = part * f->right;
+    const floatw part = share / fmax(f->lobe.share, 1e-30f), left = part * f->left, right = part * f->right;
     s->own += left + right;
+    leave(s, part * f->hidden);
     const Means at = means_around(k->v - f->row, stride, k->height, k->row);
     const Pair things = mean(k->means + 3 * at.size, at, f);
     /* Where the blocks show nothing but sky, the thing itself counts. */
@@ -310,7 +389,7 @@ static inline void add_mean(Sums *s, const Walk *k, const Things *f, const int s
 
 /* The rows of a step in finer steps, twice over: sums of what covers from `passed` to `to`, `weight` of it. */
 OUT_OF_LINE void walk_finer(
-    Sums *s, const Walk *k, const Mirrored *m, const int start, const Things *end, floatw passed, const floatw to,
+    Sums *s, const Walk *k, const Mirrored *m, const int start, const Things *end, Part passed, const Part to,
     const floatw weight)
 {
     const int stride = end->row - start;
@@ -318,22 +397,42 @@ OUT_OF_LINE void walk_finer(
         const int rows = start + (i * stride + FINER - 1) / FINER;
         if (rows == before)
             continue;
-        const Things mid = i == FINER ? *end : things(k, m, passed < to, passed, rows, stride);
-        const floatw most = clamp(mid.up_to, passed, to);
-        if (ANYW(most > passed))
+        const Things mid = i == FINER ? *end : things(k, m, gain(passed, to) > 0.0f, passed.share, rows, stride);
+        const Part most = mid.any ? smaller(larger(mid.lobe, passed), to) : passed;
+        if (ANYW(gain(passed, most) > 0.0f))
             for (int j = 1, last = before; j <= FINER; j++) {
                 const int row = before + (j * (rows - before) + FINER - 1) / FINER;
                 if (row == last)
                     continue;
-                const Things f = row == rows ? mid : things(k, m, passed < most, passed, row, stride);
-                const floatw now = clamp(f.up_to, passed, most);
-                if (ANYW(now > passed))
-                    add(s, k, &f, weight * (now - passed));
-                passed = now;
                 last = row;
+                const Things f = row == rows ? mid : things(k, m, gain(passed, most) > 0.0f, passed.share, row, stride);
+                if (!f.any)
+                    continue;
+                const Part now = smaller(larger(f.lobe, passed), most);
+                const floatw share = gain(passed, now);
+                if (ANYW(share > 0.0f))
+                    add(s, k, &f, weight * share);
+                passed = now;
             }
         before = rows;
     }
+}
+
+/* What a step adds: in finer steps where the lobe is narrow, in the mean where it is wide. */
+static inline void add_step(
+    Sums *s, const Walk *k, const Mirrored *m, const int start, const Things *f, const Part passed, const Part to,
+    const floatw share)
+{
+    const int stride = f->row - start;
+    const float inv = 2.0f / stride;
+    const floatw wide = stride > 1 ? ramp(fma(f->wide, (floatw)inv, (floatw)(inv - 1.0f))) : (floatw)0.0f;
+    const floatw blurred = wide * share;
+    if (ANYW(blurred > 0.0f))
+        add_mean(s, k, f, stride, blurred);
+    const intw sharp = wide < 1.0f;
+    const Part sharp_to = {SELECTW(sharp, to.share, passed.share), SELECTW(sharp, to.left, passed.left)};
+    if (ANYW(gain(passed, sharp_to) > 0.0f))
+        walk_finer(s, k, m, start, f, passed, sharp_to, 1.0f - wide);
 }
 
 /* [rows] beyond which nothing covers the lobe. A thing q above the ray is z (p.r) - Z0 (p.r0) with p.r of its own line of
@@ -350,30 +449,28 @@ static inline floatw last_row(const Walk *k, const Mirrored *m, const int steps)
 /* Up the line; a step that covers some of the lobe is walked again in finer ones where the lobe is narrow. */
 OUT_OF_LINE Sums walk(const Walk *k, const Mirrored *m, const int steps)
 {
-    Sums s = {0.0f, 0.0f, 0.0f, 0.0f};
+    Sums s = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     const floatw last = last_row(k, m, steps);
-    floatw passed = 0.0f;
+    Part passed = {0.0f, 1.0f};
     for (int step = 1, before = 0; step <= steps; step++) {
         const int rows = (step * step * k->v + steps * steps - 1) / (steps * steps), stride = rows - before;
-        const intw asked = m->on & (passed < 1.0f) & (last > (float)before);
+        const intw asked = m->on & (passed.share < 1.0f) & (last > (float)before);
         if (!ANYW(asked))
             break;
         if (stride == 0)
             continue;
-        const Things f = things(k, m, asked, passed, rows, stride);
-        const floatw to = SELECTW(asked, fmax(f.up_to, passed), passed);
-        if (ANYW(to > passed)) {
-            const floatw finer = stride > 1 ? ramp(2.0f - f.wide * (2.0f / stride)) : (floatw)1.0f;
-            const floatw blurred = (1.0f - finer) * (to - passed);
-            if (ANYW(blurred > 0.0f))
-                add_mean(&s, k, &f, stride, blurred);
-            const floatw sharp_to = SELECTW(finer > 0.0f, to, passed);
-            if (ANYW(sharp_to > passed))
-                walk_finer(&s, k, m, before, &f, passed, sharp_to, finer);
+        const Things f = things(k, m, asked, passed.share, rows, stride);
+        if (f.any) {
+            const Part up_to = larger(passed, f.lobe);
+            const Part to = {SELECTW(asked, up_to.share, passed.share), SELECTW(asked, up_to.left, passed.left)};
+            const floatw share = gain(passed, to);
+            if (ANYW(share > 0.0f))
+                add_step(&s, k, m, before, &f, passed, to, share);
+            passed = to;
         }
-        passed = to;
         before = rows;
     }
+    leave(&s, passed.left);
     return s;
 }
 
@@ -475,7 +572,6 @@ OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
     k.apart = f->height * k.row;
     k.v = v;
     k.inv_fy = 1.0f / f->fy;
-    k.inv_edge_u = 1.0f / (EDGE * f->width);
     k.inv_edge_v = 1.0f / (EDGE * f->height);
     k.reach_m = f->reach_m;
     k.inv_reach_fade = 1.0f / (FADE * f->reach_m);
@@ -511,7 +607,7 @@ OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
     STOREW(SELECTW(changed, fmax(fma(by_g, fma(-taken, around.y, s.g), g), 0.0f), g), f->rgb + i + f->plane);
     STOREW(SELECTW(changed, fmax(fma(by_b, fma(-taken, around.z, s.b), b), 0.0f), b), f->rgb + i + 2 * f->plane);
 #ifdef LAYERS
-    const floatw left = open - taken;
+    const floatw left = open * s.left;
     STOREW(SELECTW(m.on, by_r * fma(left, around.x, s.r), 0.0f), f->reflection + i);
     STOREW(SELECTW(m.on, by_g * fma(left, around.y, s.g), 0.0f), f->reflection + i + f->plane);
     STOREW(SELECTW(m.on, by_b * fma(left, around.z, s.b), 0.0f), f->reflection + i + 2 * f->plane);

@@ -123,7 +123,7 @@ def reflections(
         ray, np.clip(albedo[on], 0.0, 1.0), roughness[on], metallic[on], env_rotation, env_brdf, surroundings
     )
     weight, around = weight[:, None] * share, specular_occlusion(ray.NoV, occlusion[on], roughness[on])[:, None] * L_env
-    mirrored[on] = weight * (seen + (1 - covered)[:, None] * around)
+    mirrored[on] = weight * (seen + np.maximum(1 - covered, 0.0)[:, None] * around)
     out[on] = np.maximum(rgb[on] + weight * (seen - covered[:, None] * around), 0.0)
     return {"rgb": out, "reflection": mirrored}
 

@@ -80,6 +80,36 @@ def _level_mirrors(source: GBuffer) -> dict[str, NDArray[Any]]:
     return {"normal": normal.astype(np.float32), "roughness": np.full_like(source["roughness"], 0.2)}
 
 
+def _black_mirrored(source: GBuffer) -> dict[str, NDArray[Any]]:
+    return {**_level_mirrors(source), "rgb": np.where(source["sky"][..., None], source["rgb"], np.float32(0))}
+
+
+def _sparks(source: GBuffer) -> dict[str, NDArray[Any]]:
+    """A tenth of all values are 1e5, some beside black ones."""
+    bright = np.random.default_rng(1).random(source["rgb"].shape) < 0.1
+    return {"rgb": np.where(bright, np.float32(1e5), source["rgb"])}
+
+
+def _sparks_mirrored(source: GBuffer) -> dict[str, NDArray[Any]]:
+    return {**_leaning(0.0)(source), **_sparks(source)}
+
+
+def _sparks_grazed(source: GBuffer) -> dict[str, NDArray[Any]]:
+    """The surface cuts the lobe."""
+    return {**_grazing(1e-3)(source), **_even(roughness=0.045)(source), **_sparks(source)}
+
+
+def _leaning(sine: float) -> Callable[[GBuffer], dict[str, NDArray[Any]]]:
+    """Sharp mirrors that lean to the right, whose rays all but stay in their column of the picture."""
+
+    def planes(source: GBuffer) -> dict[str, NDArray[Any]]:
+        normal = _level_mirrors(source)["normal"] + np.array([sine, 0.0, 0.0])
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        return {"normal": normal.astype(np.float32), "roughness": np.full_like(source["roughness"], 1e-3)}
+
+    return planes
+
+
 def _stepped(source: GBuffer) -> dict[str, NDArray[Any]]:
     steps = np.maximum(np.round(source["depth"] / 150 * 255) / 255 * 150, 0.5)
     return {"depth": steps.astype(np.float32)}
@@ -204,6 +234,12 @@ def _shape() -> list[Case]:
         size=(200, 13), seed=3, rotation=turned(0, 5), planes=_level_mirrors, params={"steps": 28, "reach_m": 150.0}
     )
     cases.append(Case(family="shape", name="mirrored at a border", steps=("reflections",), scenery=level))
+    for name, sine, size, seed in (
+        ("a millionth of a column off", 1e-6, (33, 7), 5),
+        ("a crack beside what hides", 1e-4, (17, 40), 7),
+    ):
+        leaning = Scenery(size=size, seed=seed, planes=_leaning(sine), preset="midnight")
+        cases.append(Case(family="shape", name=name, steps=("reflections",), scenery=leaning))
     for name, value in (("all sky", True), ("no sky", False)):
         cases.append(Case(family="shape", name=name, reads=("sky",), scenery=Scenery(planes=_even(sky=value))))
     return cases
@@ -274,7 +310,18 @@ def _exposure() -> list[Case]:
     planes |= {"one pixel of 1e5": _one_bright, "next to black": _even(rgb=1e-30)}
     black = Scenery(size=(7, 13), params={"sky_factor": 0.0}, planes=_even(sky=True))
     dark = Case(family="exposure", name="nothing left of the sky", steps=("night_grade",), scenery=black)
-    return [dark] + [
+    seen: dict[str, Any] = {"size": (17, 40), "rotation": turned(0, 5)}
+    grazed = {"steps": 64, "thickness_m": 100.0}
+    mirrored = {
+        "black things mirrored": Scenery(seed=5, planes=_black_mirrored, **seen),
+        "1e5 mirrored": Scenery(planes=_sparks_mirrored, params={"steps": 4}, **seen),
+        "1e5 at a grazing angle": Scenery(seed=13, planes=_sparks_grazed, params=grazed, **seen),
+    }
+    cases = [dark] + [
+        Case(family="exposure", name=name, steps=("reflections",), scenery=scenery)
+        for name, scenery in mirrored.items()
+    ]
+    return cases + [
         Case(family="exposure", name=name, reads=("rgb",), scenery=Scenery(planes=made))
         for name, made in planes.items()
     ]

@@ -136,7 +136,8 @@ static inline Mirrored mirrored(
     const intw steep = rise >= MIN_RISE;
     const Sharp safe = {SELECTW(steep, down.hi, -1.0f), SELECTW(steep, down.lo, 0.0f)};
     const Sharp lean = sharp_quotient(across, safe);
-    m.fit = SELECTW(steep, smooth_ramp(rise * (1.0f / MIN_RISE) - 1.0f) * smooth_ramp(2.0f - 2.0f * fabs(lean.hi))
+    const floatw upwards = (1.0f - fabs(lean.hi)) - SELECTW(lean.hi < 0.0f, -lean.lo, lean.lo); /* 1 - |lean| */
+    m.fit = SELECTW(steep, smooth_ramp(rise * (1.0f / MIN_RISE) - 1.0f) * smooth_ramp(2.0f * upwards)
         * smooth_ramp(Lz * (1.0f / MIN_AHEAD) - 1.0f), 0.0f);
     const intw none = !(m.fit > 0.0f); /* lean may be anything */
     const Sharp upright = {SELECTW(none, 0.0f, lean.hi), SELECTW(none, 0.0f, lean.lo)};
@@ -144,7 +145,7 @@ static inline Mirrored mirrored(
     m.inv_Lz = 1.0f / fmax(Lz, MIN_AHEAD);
     m.lobe = LOBE * roughness * roughness;
     m.below = smooth_ramp(0.5f - 0.5f * m.NoV / (cosine * fmax(m.lobe, 1e-6f)));
-    m.inv_above = 1.0f / (1.0f - m.below);
+    m.inv_above = (1.0f + 0x1p-23f) / (1.0f - m.below); /* never less than it is: the whole share above is 1 or more */
     return m;
 }
 #endif
