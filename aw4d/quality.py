@@ -9,7 +9,7 @@ QUALITIES: dict[str, tuple[str, ...]] = {
     "exact": ("fog.nodes=64", "fog.faintest=0", "ambient.occlusion_steps=9"),
     "balanced": (),
     "fast": (
-        "fog.nodes=6",
+        "fog.nodes=4",
         "ambient.occlusion_slices=2",
         "ambient.occlusion_steps=6",
         "reflections.steps=14",

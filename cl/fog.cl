@@ -2,19 +2,17 @@
  *
  * Two stages: fog_tiles finds the lights that show in the air before a tile's surfaces; fog adds them up.
  *
- * A lane is a pixel, a work-item W pixels of one row. Per light the ray's stretch inside reach and cone is an interval
- * of the scattering angle; Gauss-Legendre nodes lie in pairs a = middle -+ half * x, whose half angles come from one sine
- * and cosine by the addition theorem. With s, c = sin(a/2), cos(a/2) and D the lamp's distance from the ray:
- *     r = D / (2 s c)          lamp to node [m]
+ * A lane is a pixel, a work-item W pixels of one row. Per light the ray's stretch inside reach and cone is an interval of
+ * the scattering angle a. Its ends and the nodes between are vectors along (cos(a/2), sin(a/2)) of any length: sums, products
+ * and cross products of them take the place of angles, and no digits are lost where a nears 0 or pi. At the node (c, s), with
+ * D the lamp's distance from the ray and N = c^2 + s^2:
+ *     r = D N / (2 s c)        lamp to node [m]
  *     x + r = t0 + D s / c     eye to node to lamp [m]
- * neither of which cancels where the ray all but meets the lamp. Where the light shines away from the eye the angle nears
- * pi and float32 loses the difference to it: there `flip` is set and a is the scattering angle's supplement.
  */
 #include "include/exp.h"
 #include "include/lamp.h"
 #include "include/phase.h"
 #include "include/tiles.h"
-#include "include/trig.h"
 #include "include/vec.h"
 
 #define PAPER 1          /* convention */
@@ -38,53 +36,54 @@ typedef struct {
     float ky, ky_lo;
 } Ray;
 
-/* What the nodes of one ray and one light have in common. (sm, cm): sine and cosine of half the scattering angle in the
- * stretch's middle. (sl, cl), (sh, ch): of half the angles from the cone's two sides to it, the first times
- * 2 R / (cos_inner - cos_outer), so that cos - cos_outer = 2 R sin(..) sin(..) keeps its digits at the cone's edge. */
+/* An end of the stretch: a vector along (cos(a/2), sin(a/2)), and for a spot its cross products with the vectors of the
+ * cone's two sides: from the side where a is least, and to the other. */
 typedef struct {
-    floatw sm, cm, sl, cl, sh, ch;
+    floatw c, s, low, high;
+} End;
+
+static inline End scaled(const End h, const floatw by)
+{
+    const End out = {h.c * by, h.s * by, h.low * by, h.high * by};
+    return out;
+}
+
+/* What the nodes of one ray and one light have in common: the nodes are middle -+ x way, way being half the chord. */
+typedef struct {
+    End middle, way;
+    float stretched;     /* (1 + g)^2 / (1 - g)^2 */
     floatw half_D;       /* D / (2 r_max) */
-    floatw fade_D;       /* -sigma_t D */
-    floatw fade_t0;      /* -sigma_t t0 */
+    float fade;          /* -2 sigma_t r_max, */
+    floatw fade_t0;      /* -sigma_t t0: exponents of 2 */
 } Stretch;
 
-/* Light from a node but for the phase function; inv is 1 / (s c) of half its scattering angle. No clamp at 0 where rounding
- * alone goes below: S and W are squares. */
-static inline floatw node_light(const Stretch a, const bool spot, const floatw sn, const floatw cn, const floatw s, const floatw inv)
+/* Phase function times light times da at a node (c, s), but for factors that all nodes share. With
+ * Q = c^2 + ((1 + g) / (1 - g))^2 s^2 ~ N (1 + g^2 - 2 g cos(a)) they are Q^-1.5 N^1.5, S W exp(..) and 1 / N; S is a square
+ * of cos - cos_outer = sides / N, which makes it (N Q)^-1.5. No clamp at 0 where rounding alone goes below: S and W are
+ * squares. */
+static inline floatw node(const Stretch a, const bool spot, const floatw c, const floatw s, const floatw sides)
 {
-    const floatw r = a.half_D * inv;    /* of r_max */
+    const floatw c2 = c * c, s2 = s * s, N = c2 + s2;
+    const floatw inv = a.half_D / (s * c);
+    const floatw r = N * inv; /* of r_max */
     const floatw q = r * r;
-    floatw w = fma(-q, q, 1.0f);        /* distance window W is w^2 */
-    if (spot)
-        w *= fmin(fma(a.sl, cn, a.cl * sn) * fma(a.sh, cn, -a.ch * sn), 1.0f); /* angular falloff S, too */
-    return w * w * exp_negative(fma(a.fade_D * (s * s), inv, a.fade_t0));
+    const floatw w = (spot ? min(sides, N) : N) * fma(-q, q, 1.0f); /* distance window W is a square, too */
+    const floatw NQ = N * fma(a.stretched, s2, c2);
+    return w * w * exp2_negative(fma(a.fade * s2, inv, a.fade_t0)) / (NQ * sqrt(NQ));
 }
 
-/* The two nodes at -+ (sn, cn) from the middle; one division serves both and their phase functions. */
-static inline floatw node_pair(const Stretch a, const bool spot, const floatw sn, const floatw cn, const float g)
-{
-    const floatw sa = fma(a.sm, cn, -a.cm * sn), ca = fma(a.cm, cn, a.sm * sn);
-    const floatw sb = fma(a.sm, cn, a.cm * sn), cb = fma(a.cm, cn, -a.sm * sn);
-    const floatw qa = phase_q15(sa, ca, g), qb = phase_q15(sb, cb, g);
-    const floatw sca = sa * ca, scb = sb * cb;
-    const floatw da = qa * sca, db = qb * scb;
-    const floatw inv = 1.0f / (da * db);
-    const floatw ia = inv * db, ib = inv * da; /* 1 / da, 1 / db */
-    const floatw la = node_light(a, spot, -sn, cn, sa, ia * qa);
-    const floatw lb = node_light(a, spot, sn, cn, sb, ib * qb);
-    return fma(la, ia * sca, lb * (ib * scb));
-}
-
-/* Gauss-Legendre over a stretch whose half angles spread over `spread`: the mean over the stretch, times 2. */
+/* Gauss-Legendre along the chord between the stretch's ends. */
 static inline floatw quadrature(
-    const Stretch a, const bool spot, const floatw spread, const float g,
+    const Stretch a, const bool spot,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
 {
+    const End m = a.middle;
     floatw total = 0.0f;
     for (int i = 0; i < node_pairs; i++) {
-        floatw cn;
-        const floatw sn = sincos_eighth(0.5f * node_x[i] * spread, &cn);
-        total = fma(node_w[i], node_pair(a, spot, sn, cn, g), total);
+        const End d = scaled(a.way, (floatw)node_x[i]);
+        const floatw before = node(a, spot, m.c - d.c, m.s - d.s, (m.low - d.low) * (m.high - d.high));
+        const floatw after = node(a, spot, m.c + d.c, m.s + d.s, (m.low + d.low) * (m.high + d.high));
+        total = fma(node_w[i], before + after, total);
     }
     return total;
 }
@@ -97,7 +96,59 @@ static inline floatw axis_across(
     return -((y * az - z * ay) * lamp.dx + (z * ax - x * az) * lamp.dy + (x * ay - y * ax) * lamp.dz);
 }
 
-/* Single-scattering integral along the rays (x, y, z), equiangular (Kulla and Fajardo 2012). */
+/* The vector along (cos(a/2), sin(a/2)) to (x, y), y >= 0, at angle a and distance r. */
+static inline End halved(const floatw x, const floatw y, const floatw r)
+{
+    const floatw p = r + fabs(x);
+    const intw past = x < 0.0f;
+    const End h = {SELECTW(past, y, p), SELECTW(past, p, y), 0.0f, 0.0f};
+    return h;
+}
+
+static inline floatw cross_product(const End a, const End b)
+{
+    return fma(a.c, b.s, -a.s * b.c);
+}
+
+/* a cut, where it holds, b else. */
+static inline End either(const intw cut, const End a, const End b)
+{
+    const End out = {SELECTW(cut, a.c, b.c), SELECTW(cut, a.s, b.s), SELECTW(cut, a.low, b.low), SELECTW(cut, a.high, b.high)};
+    return out;
+}
+
+/* Ends of a stretch, and the cross product from the first to the last. */
+typedef struct {
+    End first, last;
+    floatw turn;
+} Ends;
+
+/* The stretch within a spot's cone. (c, k / D) are the axis' components along the ray and across it, inside is root^2 =
+ * D^2 (R^2 - cos_outer^2), R D = length: the cone's middle is at the angle of (-c D, k), its half angle that of
+ * (cos_outer D, root). */
+static inline Ends within_cone(
+    const Ends all, const floatw c, const floatw k, const floatw D, const floatw root, const floatw length, const float cos_outer)
+{
+    const End m = halved(-c * D, k, length);
+    const End h = {length + cos_outer * D, root, 0.0f, 0.0f};
+    const floatw cc = m.c * h.c, ss = m.s * h.s, sc = m.s * h.c, cs = m.c * h.s;
+    End low = {cc + ss, sc - cs, 0.0f, 0.0f}, high = {cc - ss, sc + cs, 0.0f, 0.0f};
+    /* across the cone: |m|^2 2 sin cos of half its half angle, |m|^2 by its own form */
+    low.high = 2.0f * fma(m.c, m.c, m.s * m.s) * h.c * h.s;
+    high.low = low.high;
+    End first = all.first, last = all.last;
+    first.low = cross_product(low, first); first.high = cross_product(first, high);
+    last.low = cross_product(low, last); last.high = cross_product(last, high);
+    const intw begun = first.low < 0.0f, ended = last.high < 0.0f; /* at the cone's sides */
+    Ends cut;
+    cut.turn = SELECTW(ended, SELECTW(begun, low.high, first.high), SELECTW(begun, last.low, all.turn));
+    first.high = SELECTW(begun, low.high, first.high);
+    cut.first = either(begun, low, first);
+    cut.last = either(ended, high, last);
+    return cut;
+}
+
+/* Single-scattering integral along the rays (x, y, z). */
 static inline floatw along_ray(
     const Lamp lamp, const float r_max, const float air_reach, const Ray ray,
     const floatw x, const floatw y, const floatw z, const floatw s, const float extinction, const float g,
@@ -115,7 +166,6 @@ static inline floatw along_ray(
     const bool spot = lamp.cos_outer >= 0.0f;
     const float nearest = fmin(r_max, air_reach);
     intw lit = D2 < nearest * nearest;
-    intw flip = t0 < 0.0f;
     floatw c = 0.0f, inside = 0.0f;
     if (spot) {
         /* The cosine to the spot's axis at angle a is k sin(a) + |c| cos(a) = R cos(a - middle), and the ray meets the cone
@@ -130,77 +180,91 @@ static inline floatw along_ray(
             inside = fma(fma(c, c, -lamp.cos_outer * lamp.cos_outer), D2, k * k);
         }
         lit &= inside > 0.0f;
-        flip = c > 0.0f;
     }
-    if (!ANYW(lit))
-        return 0.0f;
     const floatw reach = sqrt(fmax(reach2, 0.0f)); /* along the ray, on both sides of its closest approach */
     lit &= (t0 - s < reach) & (t0 > -reach);
+    const floatw near = min(t0, reach), far = max(t0 - s, -reach);
     if (!ANYW(lit))
         return 0.0f;
 
-    const floatw inv_D = rsqrt(D2), D = D2 * inv_D;
-    const floatw near = fmin(t0, reach), far = fmax(t0 - s, -reach);
-    floatw middle = 0.0f, half_cone = 0.0f, gain = 0.0f;
+    const floatw inv_D = RSQRTW(D2), D = D2 * inv_D;
+    const floatw r_near = sqrt(fma(near, near, D2)), r_far = sqrt(fma(far, far, D2));
+    Ends ends;
+    ends.first = halved(near, D, r_near);
+    ends.last = halved(far, D, r_far);
+    /* the sine of half the angle that the stretch subtends from its length: a short one would be lost between two angles */
+    const floatw length = SELECTW((near == t0) & (far == t0 - s), s, near - far);
+    ends.turn = length * fma(ends.first.c, ends.last.s, ends.first.s * ends.last.c) / (r_near + r_far);
+    floatw gain = 1.0f;
     if (spot) {
         const floatw k = axis_across(lamp, x, y, z, ax, ay, az);
         const floatw root = sqrt(fmax(inside, 0.0f));
-        middle = copysign(atan2_quarter(fabs(k), fabs(c) * D), k);
-        half_cone = atan2_quarter(root, lamp.cos_outer * D);
-        gain = 2.0f * lamp.inv_cone * sqrt(fma(inside * inv_D, inv_D, lamp.cos_outer * lamp.cos_outer));
+        const floatw RD = sqrt(fma(lamp.cos_outer * lamp.cos_outer, D2, fmax(inside, 0.0f)));
+        ends = within_cone(ends, c, k, D, root, RD, lamp.cos_outer);
+        /* cos - cos_outer = 2 R sin(..) sin(..) of half the angles to the cone's sides; their vectors' squared length: */
+        const floatw sides = (RD + fabs(c) * D) * (RD + lamp.cos_outer * D);
+        gain = 0.5f * lamp.inv_cone * inv_D / (RD * sides);
     }
-    /* The angle that the stretch subtends, by the tangent of a difference: a short one would be lost between two angles. */
-    const floatw length = SELECTW((near == t0) & (far == t0 - s), s, near - far);
-    floatw spread = atan2_upper(D * length, fma(near, far, D2));
-    const floatw first = atan2_upper(D, SELECTW(flip, -far, near));
-    floatw low = first - middle;
-    intw cut = 0; /* whether the stretch begins at the cone's side */
-    if (spot) {
-        cut = low < -half_cone;
-        const floatw high = fmin(low + spread, half_cone);
-        const intw clipped = cut | (low + spread > half_cone);
-        low = fmax(low, -half_cone);
-        spread = SELECTW(clipped, high - low, spread);
-    }
-    lit &= (spread > 0.0f);
+    lit &= ends.turn > 0.0f;
     if (!ANYW(lit))
         return 0.0f;
 
-    /* from here on all angles are halved */
-    spread = 0.5f * fmax(spread, 0.0f);
-    const floatw centre = fma(0.5f, low, 0.5f * spread);
     Stretch a;
-    floatw s_mid, c_mid, cl = 1.0f, ch = 1.0f, sl = 0.0f, sh = 0.0f;
-    /* A small angle has no digits to lose on the way over the cone's middle. */
-    s_mid = sincos_quarter(SELECTW(cut, fma(0.5f, middle, centre), fma(0.5f, first, 0.5f * spread)), &c_mid);
-    if (spot) {
-        sl = sincos_quarter(fmax(fma(0.5f, half_cone, centre), 0.0f), &cl);
-        sh = sincos_quarter(fmax(fma(0.5f, half_cone, -centre), 0.0f), &ch);
-    }
-    /* the supplement swaps sine and cosine of the half angle, and the stretch's two ends */
-    a.sm = SELECTW(flip, c_mid, s_mid);
-    a.cm = SELECTW(flip, s_mid, c_mid);
-    a.sl = gain * SELECTW(flip, sh, sl);
-    a.cl = gain * SELECTW(flip, ch, cl);
-    a.sh = SELECTW(flip, sl, sh);
-    a.ch = SELECTW(flip, cl, ch);
+    a.stretched = (1.0f + g) * (1.0f + g) / ((1.0f - g) * (1.0f - g));
+    const floatw by_first = RSQRTW(fma(a.stretched, ends.first.s * ends.first.s, ends.first.c * ends.first.c));
+    const floatw by_last = RSQRTW(fma(a.stretched, ends.last.s * ends.last.s, ends.last.c * ends.last.c));
+    End first = scaled(ends.first, 0.5f * by_first), last = scaled(ends.last, 0.5f * by_last);
+    first.low *= gain; last.low *= gain;
+    a.middle.c = last.c + first.c; a.way.c = last.c - first.c;
+    a.middle.s = last.s + first.s; a.way.s = last.s - first.s;
+    a.middle.low = last.low + first.low; a.way.low = last.low - first.low;
+    a.middle.high = last.high + first.high; a.way.high = last.high - first.high;
     a.half_D = 0.5f * D * lamp.inv_reach;
-    a.fade_D = -extinction * D;
-    a.fade_t0 = -extinction * t0;
-    const floatw total = quadrature(a, spot, spread, g, node_x, node_w, node_pairs);
+    a.fade = -2.0f * M_LOG2E_F * extinction * r_max;
+    a.fade_t0 = -M_LOG2E_F * extinction * t0;
+    const floatw total = quadrature(a, spot, node_x, node_w, node_pairs);
     const floatw beside = a.half_D * (2.0f * r_max / air_reach);
-    return SELECTW(lit, total * spread * inv_D * phase_scale(g) * window(fma(-beside, beside, 1.0f)), 0.0f);
+    const floatw turn = ends.turn * by_first * by_last;
+    const float scale = phase_scale(g) / ((1.0f - g) * (1.0f - g) * (1.0f - g));
+    return SELECTW(lit, total * turn * inv_D * scale * window(fma(-beside, beside, 1.0f)), 0.0f);
 }
 
-/* Whether no ray of the bundle around the unit vector b, of lengths s, meets the ball (centre, radius) that holds a lamp's
- * light: a few scalar operations instead of a vector's. The slack of 1e-3 covers rounding: culling changes no pixel. */
-static inline bool misses(const float4 ball, const float3 b, const float half_angle, const floatw s)
+/* Rays within half_angle of the unit vector axis, of lengths up to far [m]. */
+typedef struct {
+    float3 axis;
+    float half_angle, far;
+} Bundle;
+
+static inline Bundle bundle(const Frustum a)
 {
-    const float far2 = dot(ball.xyz, ball.xyz);
-    const float t = dot(ball.xyz, b);
-    const float slack = (half_angle + 1e-3f) * (sqrt(far2) + ball.w);
-    const float miss2 = t > 0.0f ? fma(-t, t, far2) : far2;
-    return miss2 > (ball.w + slack) * (ball.w + slack) || !ANYW(s > t - ball.w - slack);
+    const float width = a.right - a.left, height = a.bottom - a.top;
+    const float x = fmax(fabs(a.left), fabs(a.right)), y = fmax(fabs(a.top), fabs(a.bottom));
+    Bundle b;
+    b.axis = normalize((float3)(a.left + 0.5f * width, a.top + 0.5f * height, 1.0f));
+    b.half_angle = 0.5f * sqrt(fma(width, width, height * height)) + SLACK; /* [rad] at most, off the axis less */
+    b.far = a.far * sqrt(fma(x, x, fma(y, y, 1.0f)));
+    return b;
+}
+
+/* Whether some ray of a bundle may pass within `nearest` of a lamp, and through what it lights. At the way x [m] rays are
+ * half_angle x from the bundle's axis at most. There the light is met where axial - cos_outer r, of the axis' point, is not
+ * below -(1 + cos_outer) half_angle x: the difference of a line and a convex function has its peak in one place, top. */
+static inline bool shines_into(const Bundle b, const Lamp lamp, const float r_max, const float nearest)
+{
+    const float3 p = (float3)(lamp.px, lamp.py, lamp.pz), d = (float3)(lamp.dx, lamp.dy, lamp.dz);
+    const float range = length(p), t0 = dot(p, b.axis), D = length(cross(p, b.axis));
+    const float slack = SLACK * (range + r_max), off = b.half_angle * fmin(b.far, range + r_max) + slack;
+    if (D > fmin(nearest, r_max) + off)
+        return false;
+    const float reach = sqrt((r_max + off) * (r_max + off) - D * D);
+    const float first = fmax(t0 - reach, 0.0f), last = fmin(t0 + reach, b.far);
+    if (first > last || lamp.cos_outer < 0.0f)
+        return first <= last;
+    const float rise = fma(1.0f + lamp.cos_outer, b.half_angle, dot(d, b.axis));
+    const float steep = lamp.cos_outer * lamp.cos_outer - rise * rise;
+    const float top = steep > 0.0f ? fma(D, rise * rsqrt(steep), t0) : rise > 0.0f ? last : first;
+    const float x = clamp(top, first, last);
+    return fma(rise, x, slack) - dot(p, d) > lamp.cos_outer * sqrt(fma(x - t0, x - t0, D * D));
 }
 
 /* Whether what a lamp sends to the eye, by however short a way, fades to under 1e-40: exp_negative ends at 1e-38. */
@@ -218,7 +282,10 @@ __kernel void fog_tiles(
     const int light_count,
     __global const int *restrict light_kind,
     __global const float *restrict light_position,      /* [m] camera frame */
+    __global const float *restrict light_direction,
+    __global const float *restrict light_r_max,         /* [m] */
     __global const float *restrict light_air_reach,     /* [m] */
+    __global const float *restrict light_shape,         /* cos_outer, its sine squared, 1 / (cos_inner - cos_outer), 1 / r_max */
     __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
     const float sigma_s, const float sigma_a,           /* [1/m] */
     const float alpha,
@@ -231,13 +298,17 @@ __kernel void fog_tiles(
     Frustum tile = frustum(
         depth, sky, extent_m, pitch, height, get_global_id(0) * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
     tile.near = 0.0f; /* the air before the surfaces is lit, too */
+    const Bundle rays = bundle(tile);
     for (int word = 0; word < words; word++) {
         uint bits = 0;
         for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1) {
             const int l = lowest(word, met);
             const bool placed = light_kind[l] != DIRECTIONAL && convention != PAPER;
-            const bool faded = placed && fades_out(vload3(l, light_position), extinction);
-            bits |= !faded && light_air_reach[l] > 0.0f ? met & -met : 0u;
+            const bool unlit = light_air_reach[l] == 0.0f
+                || (placed && (fades_out(vload3(l, light_position), extinction)
+                    || !shines_into(
+                        rays, lamp(l, light_position, light_direction, light_shape), light_r_max[l], light_air_reach[l])));
+            bits |= unlit ? 0u : met & -met;
         }
         out[word] = bits;
     }
@@ -265,7 +336,6 @@ __kernel void fog(
     __global const float *restrict light_r_max,         /* [m] */
     __global const float *restrict light_air_reach,     /* [m] */
     __global const float *restrict light_shape,         /* cos_outer, its sine squared, 1 / (cos_inner - cos_outer), 1 / r_max */
-    __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
     __global const float *restrict node_x,              /* upper half of the abscissae on [-1, 1] */
     __global const float *restrict node_w,
     const int node_pairs,
@@ -306,14 +376,10 @@ __kernel void fog(
     const floatw T = half_way * half_way;
     const floatw opacity = one_minus_exp(extinction * s, T);
 
-    const float3 bundle = normalize((float3)((u0 + 0.5f * (W - 1) - cx) / fx, ray.ky, 1.0f));
-    const float half_angle = 0.5f * (W - 1) / fx;       /* [rad] at most, off the axis less */
     floatw r = 0.0f, g_ = 0.0f, b = 0.0f;
     for (int word = 0; word < words; word++) {
         for (uint bits = reaching[word]; bits; bits &= bits - 1) {
             const int l = lowest(word, bits), kind = light_kind[l];
-            if (kind != DIRECTIONAL && convention != PAPER && misses(vload4(l, light_ball), bundle, half_angle, s))
-                continue;
             const float3 E = vload3(l, light_intensity) * (gamma * scattering);
             floatw glow;
             if (kind == DIRECTIONAL) {

@@ -14,6 +14,8 @@ the blend fades the contrast faster than the stated visibility.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -169,10 +171,11 @@ def _at_surface(lamp: Lamp, ray: Array, s: Array, *, g: float) -> Array:
 
 
 def along_ray(lamp: Lamp, ray: Array, s: Array, *, extinction: float, g: float, nodes: int) -> Array:
-    """Single-scattering integral along each ray, equiangular (Kulla and Fajardo 2012), Gauss-Legendre in the angle.
+    """Single-scattering integral along each ray, by Gauss-Legendre.
 
-    The substitution x = t0 - D cot(a) makes the 1/r^2 vanish: dx / r^2 = da / D, where a is the scattering angle, D the
-    distance from the lamp to the ray (softened by EPSILON) and t0 the ray's closest approach.
+    The substitution x = t0 - D cot(a) makes the 1/r^2 vanish (equiangular, Kulla and Fajardo 2012): dx / r^2 = da / D,
+    where a is the scattering angle, D the lamp's distance from the ray (softened by EPSILON), t0 the closest approach.
+    What is left of Henyey and Greenstein's peak spreads the nodes: see `_nodes`.
     """
     t0 = ray @ lamp.position
     across = np.cross(lamp.position, ray)
@@ -193,12 +196,27 @@ def along_ray(lamp: Lamp, ray: Array, s: Array, *, extinction: float, g: float, 
     lit = (high > low) & (lamp.r_max > D)
 
     total = np.zeros_like(s)
-    low, width, D, t0, c, k = low[lit], (high - low)[lit], D[lit], t0[lit], c[lit], k[lit]
-    for x, w in zip(*gauss_legendre(nodes), strict=True):
-        a = low + width * (1 + x) / 2
-        sin, cos = np.sin(a), np.cos(a)
+    low, high, D, t0, c, k = low[lit], high[lit], D[lit], t0[lit], c[lit], k[lit]
+    for half_sin, half_cos, weight in _nodes(low, high, g=g, nodes=nodes):
+        sin, cos = 2 * half_sin * half_cos, (half_cos - half_sin) * (half_cos + half_sin)
         r = D / sin
-        path = t0 + D * np.tan(a / 2)  # x + r, the way from the eye to the node and on to the lamp
+        path = t0 + D * half_sin / half_cos  # x + r, the way from the eye to the node and on to the lamp
         light = lamp.cone(k * sin - c * cos) * lamp.window(r * r) * np.exp(-extinction * path)
-        total[lit] += w * henyey_greenstein(cos, g=g) * light * width / (2 * D)
+        total[lit] += weight / D * henyey_greenstein(cos, g=g) * light
     return total
+
+
+def _nodes(low: Array, high: Array, *, g: float, nodes: int) -> Iterator[tuple[Array, Array, Array]]:
+    """Sine and cosine of half the scattering angle at every node from `low` to `high`, and the node's weight [rad].
+
+    1 + g^2 - 2 g cos(a) is the squared length of the vector ((1 - g) cos(a/2), (1 + g) sin(a/2)). The nodes lie on the
+    chord between two such vectors of unit length, those of the stretch's ends; the one at h = (cos, sin), of any
+    length, weighs da = 2 (low x high) / |h|^2 of the way along the chord. They crowd where the phase function peaks.
+    """
+    ends = [np.stack([np.cos(a / 2), np.sin(a / 2)]) for a in (low, high)]
+    start, end = (h / np.hypot((1 - g) * h[0], (1 + g) * h[1]) for h in ends)
+    turn = start[0] * end[1] - start[1] * end[0]
+    for x, w in zip(*gauss_legendre(nodes), strict=True):
+        h = start + (end - start) * (1 + x) / 2
+        length = np.hypot(*h)
+        yield h[1] / length, h[0] / length, w * turn / length**2

@@ -146,7 +146,7 @@ def test_an_explanation_has_every_pass_and_what_errs(opencl_device: OpenCLBacken
     assert all(ms > 0 for ms in found.ms.values())
     assert found.skipped == {"ripples": "rate_mm_h is 0"}
     nodes, slices = (next(a for a in found.approximations if a.parameter == key) for key in ("fog.nodes", SLICES))
-    assert (nodes.value, nodes.exact) == (6, 64)
+    assert (nodes.value, nodes.exact) == (4, 64)
     assert nodes.max_codes >= nodes.p9999_codes > 0
     assert slices.value < slices.exact
 

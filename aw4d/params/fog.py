@@ -39,7 +39,7 @@ class FogParams(Params):
         low=0,
         high=1e3,
     )
-    nodes: int = param(16, "1", "the even number of quadrature nodes a light", "Gauss-Legendre", low=2, high=64)
+    nodes: int = param(8, "1", "the even number of quadrature nodes a light", "Gauss-Legendre", low=2, high=64)
     faintest: float = param(
         5e-4,
         "white",

@@ -20,6 +20,22 @@ static inline floatw exp_negative(const floatw x)
     return as_floatw(as_intw(p) + (as_intw(shifted) << 23));
 }
 
+/* 2^x for x <= 0, to 2e-7 (relative); about 0 below -125. The polynomial is a minimax fit of this project to 1.1e-7 on
+ * |f| <= 1/2. */
+static inline floatw exp2_negative(const floatw x)
+{
+    const float magic = 12582912.0f;
+    const floatw y = max(x, -125.0f);
+    const floatw shifted = y + magic;
+    const floatw f = y - (shifted - magic);
+    floatw p = fma(f, 1.3264653e-3f, 9.671511e-3f);
+    p = fma(f, p, 5.550734e-2f);
+    p = fma(f, p, 0.24022242f);
+    p = fma(f, p, 0.693147f);
+    p = fma(f, p, 1.0f);
+    return as_floatw(as_intw(p) + (as_intw(shifted) << 23));
+}
+
 /* 1 - exp(-x) for x >= 0, given T = exp(-x): by its series where the difference would cancel. */
 static inline floatw one_minus_exp(const floatw x, const floatw T)
 {

@@ -111,9 +111,10 @@ def fog(rgb, depth, sky, camera, lights, nodes, weights, medium, color, out):
     """Single scattering of spots and the air's own light."""
     fx, fy, cx, cy = camera
     scattering, extinction, g, gamma, extent = medium
+    stretched = (ONE + g) * (ONE + g) / ((ONE - g) * (ONE - g))
     height, width = depth.shape
     for v in prange(height):
-        row = np.empty((12, width), np.float32)
+        row = np.empty((14, width), np.float32)
         ky = (f32(v) - cy) / fy
         for u in range(width):
             kx = (f32(u) - cx) / fx
@@ -140,31 +141,34 @@ def fog(rgb, depth, sky, camera, lights, nodes, weights, medium, color, out):
                 middle = turned + TWO * PI if turned < -HALF * PI else turned
                 half = math.acos(_clamp(cos_outer / max(R, cos_outer), -ONE, ONE))
                 low = max(math.atan2(D, min(t0, reach)), middle - half)
-                high = min(math.atan2(D, max(t0 - s, -reach)), middle + half)
+                high = max(min(math.atan2(D, max(t0 - s, -reach)), middle + half), low)
+                c0, s0 = math.cos(HALF * low), math.sin(HALF * low)
+                c1, s1 = math.cos(HALF * high), math.sin(HALF * high)
+                by0 = ONE / math.sqrt(c0 * c0 + stretched * s0 * s0)
+                by1 = ONE / math.sqrt(c1 * c1 + stretched * s1 * s1)
                 row[4, u], row[5, u], row[6, u], row[7, u] = t0, D, c, k
-                row[8, u] = low
-                row[9, u] = max(high - low, ZERO) if r_max > D else ZERO
-                row[10, u] = ZERO
+                row[8, u], row[9, u] = HALF * (c1 * by1 + c0 * by0), HALF * (c1 * by1 - c0 * by0)
+                row[10, u], row[11, u] = HALF * (s1 * by1 + s0 * by0), HALF * (s1 * by1 - s0 * by0)
+                row[12, u] = math.sin(HALF * (high - low)) * by0 * by1 if r_max > D else ZERO
+                row[13, u] = ZERO
             for j in range(nodes.shape[0]):
-                at, w = HALF + HALF * nodes[j], weights[j]
+                at, w = nodes[j], weights[j]
                 for u in range(width):
-                    a = HALF * (row[8, u] + row[9, u] * at)
-                    sin, cos = math.sin(a), math.cos(a)
-                    sc = sin * cos
-                    q = HALF / max(sc, f32(1e-9))
-                    D = row[5, u]
-                    cone = _clamp(
-                        (row[7, u] * TWO * sc - row[6, u] * (ONE - TWO * sin * sin) - cos_outer) * inv_cone, ZERO, ONE
-                    )
-                    r = D * q / r_max
-                    light = cone * max(ONE - r * r * r * r, ZERO)
-                    root = math.sqrt((ONE - g) * (ONE - g) + f32(4) * g * sin * sin)
-                    fade = math.exp(-extinction * (row[4, u] + D * TWO * sin * sin * q))
-                    row[10, u] += w * light * light * fade / (root * root * root)
-            scale = gamma * scattering * (ONE - g * g) / (f32(8) * PI)
+                    c, s = row[8, u] + at * row[9, u], row[10, u] + at * row[11, u]
+                    sc, s2, c2 = s * c, s * s, c * c
+                    N = s2 + c2
+                    inv, D = ONE / max(sc, f32(1e-9)), row[5, u]
+                    axial = (row[7, u] * TWO * sc - row[6, u] * (c2 - s2)) / N
+                    cone = _clamp((axial - cos_outer) * inv_cone, ZERO, ONE)
+                    r = HALF * D * N * inv / r_max
+                    light = cone * max(ONE - r * r * r * r, ZERO) * N
+                    NQ = N * (c2 + stretched * s2)
+                    fade = math.exp(-extinction * (row[4, u] + D * s2 * inv))
+                    row[13, u] += w * light * light * fade / (NQ * math.sqrt(NQ))
+            scale = gamma * scattering * (ONE + g) / (f32(4) * PI * (ONE - g) * (ONE - g))
             red, green, blue = lights[i, 9] * scale, lights[i, 10] * scale, lights[i, 11] * scale
             for u in range(width):
-                glow = row[10, u] * row[9, u] / row[5, u]
+                glow = row[13, u] * row[12, u] / row[5, u]
                 out[0, v, u] += glow * red
                 out[1, v, u] += glow * green
                 out[2, v, u] += glow * blue
