@@ -82,8 +82,8 @@ def _particles(frame: _Frame) -> list[Count]:
 
 
 def _air(frame: _Frame) -> list[Count]:
-    reach = frame.scene.lights.light_air_reach
-    return [frame.count("lights whose glow is taken", len(reach), np.count_nonzero(reach))]
+    floor = frame.scene.lights.light_air_floor
+    return [frame.count("lights whose glow is taken", len(floor), np.count_nonzero(floor < np.inf))]
 
 
 def _mirrors(frame: _Frame) -> list[Count]:

@@ -17,7 +17,7 @@ from aw4d.environment import rendered
 from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
 from aw4d.lighting import Lighting, lighting
-from aw4d.lights.air_reach import air_reach
+from aw4d.lights.air_floor import air_floor
 from aw4d.lights.light import Light
 from aw4d.params import AmbientParams, FogParams, Params
 from aw4d.passes import PASSES
@@ -74,7 +74,7 @@ class Plan:
         lit = self.lighting.alone(alone, camera) if alone else self.lighting.scene(index, camera)
         passes = [step.name for step in self.steps]
         if "fog" in passes:
-            lights = dataclasses.replace(lit.lights, light_air_reach=air_reach(lit.lights, camera, self.settings.fog))
+            lights = dataclasses.replace(lit.lights, light_air_floor=air_floor(lit.lights, camera, self.settings.fog))
             lit = dataclasses.replace(lit, lights=lights)
         return dataclasses.replace(lit, world=world_arguments(info, self.settings, passes, index))
 

@@ -16,6 +16,8 @@
 #include "include/vec.h"
 
 #define PAPER 1          /* convention */
+#define PIECES 16        /* of a stretch, each of about the same angle at the lamp */
+#define ROUNDING 1e-4f   /* relative; far more than what bounds lose by it */
 
 /* The printed in-scatter: phase and attenuated light at the surface at range s. */
 static inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw s, const float g)
@@ -150,7 +152,7 @@ static inline Ends within_cone(
 
 /* Single-scattering integral along the rays (x, y, z). */
 static inline floatw along_ray(
-    const Lamp lamp, const float r_max, const float air_reach, const Ray ray,
+    const Lamp lamp, const float r_max, const float air_floor, const Ray ray,
     const floatw x, const floatw y, const floatw z, const floatw s, const float extinction, const float g,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
 {
@@ -164,8 +166,7 @@ static inline floatw along_ray(
     const floatw D2 = fma(ax, ax, fma(ay, ay, fma(az, az, EPSILON)));
     const floatw reach2 = r_max * r_max - D2;
     const bool spot = lamp.cos_outer >= 0.0f;
-    const float nearest = fmin(r_max, air_reach);
-    intw lit = D2 < nearest * nearest;
+    intw lit = reach2 > 0.0f;
     floatw c = 0.0f, inside = 0.0f;
     if (spot) {
         /* The cosine to the spot's axis at angle a is k sin(a) + |c| cos(a) = R cos(a - middle), and the ray meets the cone
@@ -223,10 +224,11 @@ static inline floatw along_ray(
     a.fade = -2.0f * M_LOG2E_F * extinction * r_max;
     a.fade_t0 = -M_LOG2E_F * extinction * t0;
     const floatw total = quadrature(a, spot, node_x, node_w, node_pairs);
-    const floatw beside = a.half_D * (2.0f * r_max / air_reach);
     const floatw turn = ends.turn * by_first * by_last;
     const float scale = phase_scale(g) / ((1.0f - g) * (1.0f - g) * (1.0f - g));
-    return SELECTW(lit, total * turn * inv_D * scale * window(fma(-beside, beside, 1.0f)), 0.0f);
+    const floatw glow = SELECTW(lit, total * turn * inv_D * scale, 0.0f);
+    const floatw faint = air_floor / glow; /* 1 at the floor; any number over it where nothing glows */
+    return glow * window(fma(-faint, faint, 1.0f));
 }
 
 /* Rays within half_angle of the unit vector axis, of lengths up to far [m]. */
@@ -241,30 +243,88 @@ static inline Bundle bundle(const Frustum a)
     const float x = fmax(fabs(a.left), fabs(a.right)), y = fmax(fabs(a.top), fabs(a.bottom));
     Bundle b;
     b.axis = normalize((float3)(a.left + 0.5f * width, a.top + 0.5f * height, 1.0f));
-    b.half_angle = 0.5f * sqrt(fma(width, width, height * height)) + SLACK; /* [rad] at most, off the axis less */
+    b.half_angle = 0.5f * sqrt(fma(width, width, height * height)) + ROUNDING; /* [rad] at most, off the axis less */
     b.far = a.far * sqrt(fma(x, x, fma(y, y, 1.0f)));
     return b;
 }
 
-/* Whether some ray of a bundle may pass within `nearest` of a lamp, and through what it lights. At the way x [m] rays are
- * half_angle x from the bundle's axis at most. There the light is met where axial - cos_outer r, of the axis' point, is not
- * below -(1 + cos_outer) half_angle x: the difference of a line and a convex function has its peak in one place, top. */
-static inline bool shines_into(const Bundle b, const Lamp lamp, const float r_max, const float nearest)
+/* A lamp beside a bundle's axis, by places y along the axis from its closest approach to the lamp [m]: light is met from
+ * first to last, nowhere if first > last. rise y + h is the axial component of the way from the lamp, as much more as it may
+ * be for rays of the bundle, over which cos_outer r is then exceeded most at top. */
+typedef struct {
+    float t0, D, first, last, rise, h, top;
+} Met;
+
+/* At the way x [m] rays are half_angle x from the bundle's axis at most, so that there is no light where axial - cos_outer r of
+ * the axis' point is below -(1 + cos_outer) half_angle x. That is the difference of a line and a convex function: it has one
+ * peak, and crosses 0 where (cos_outer^2 D^2 - h^2) / (cos_outer root +- rise h). */
+static inline Met met_by(const Bundle b, const Lamp lamp, const float r_max)
 {
     const float3 p = (float3)(lamp.px, lamp.py, lamp.pz), d = (float3)(lamp.dx, lamp.dy, lamp.dz);
-    const float range = length(p), t0 = dot(p, b.axis), D = length(cross(p, b.axis));
-    const float slack = SLACK * (range + r_max), off = b.half_angle * fmin(b.far, range + r_max) + slack;
-    if (D > fmin(nearest, r_max) + off)
-        return false;
-    const float reach = sqrt((r_max + off) * (r_max + off) - D * D);
-    const float first = fmax(t0 - reach, 0.0f), last = fmin(t0 + reach, b.far);
-    if (first > last || lamp.cos_outer < 0.0f)
-        return first <= last;
-    const float rise = fma(1.0f + lamp.cos_outer, b.half_angle, dot(d, b.axis));
-    const float steep = lamp.cos_outer * lamp.cos_outer - rise * rise;
-    const float top = steep > 0.0f ? fma(D, rise * rsqrt(steep), t0) : rise > 0.0f ? last : first;
-    const float x = clamp(top, first, last);
-    return fma(rise, x, slack) - dot(p, d) > lamp.cos_outer * sqrt(fma(x - t0, x - t0, D * D));
+    const float range = length(p), slack = ROUNDING * (range + r_max), co = fmax(lamp.cos_outer, 0.0f);
+    Met m;
+    m.t0 = dot(p, b.axis);
+    m.D = length(cross(p, b.axis));
+    const float most = r_max + b.half_angle * fmin(b.far, range + r_max) + slack, D2 = m.D * m.D;
+    const float reach = sqrt(fmax(most * most - D2, 0.0f));
+    m.first = fmax(-m.t0, -reach);
+    m.last = most > m.D ? fmin(fma(ROUNDING, range, b.far) - m.t0, reach) : -INFINITY;
+    m.rise = fma(1.0f + co, b.half_angle, dot(d, b.axis));
+    m.h = fma(m.rise, m.t0, slack) - dot(p, d);
+    const float steep = co * co - m.rise * m.rise;
+    m.top = steep > 0.0f ? m.D * m.rise * rsqrt(steep) : m.rise > 0.0f ? INFINITY : -INFINITY;
+    if (m.first > m.last || lamp.cos_outer < 0.0f)
+        return m;
+    const float at = clamp(m.top, m.first, m.last), turned = m.rise * m.h;
+    if (fma(m.rise, at, m.h) < co * sqrt(fma(at, at, D2)))
+        m.last = -INFINITY;
+    const float root = co * sqrt(fmax(m.h * m.h - steep * D2, 0.0f)), across = co * co * D2 - m.h * m.h;
+    const float up = across / (root + turned), down = across / (turned - root);
+    if (root + turned > 0.0f && fma(m.rise, up, m.h) >= 0.0f && up <= m.top)
+        m.first = fmax(m.first, up);
+    if (root - turned > 0.0f && fma(m.rise, down, m.h) >= 0.0f && down >= m.top)
+        m.last = fmin(m.last, down);
+    return m;
+}
+
+/* No less than phase, S, W and 1 / r^2 of any ray of the bundle along its places from y0 to y1, integrated. */
+static inline floatw most_of(const Bundle b, const Met m, const Lamp lamp, const float g, const floatw y0, const floatw y1)
+{
+    const float D2 = m.D * m.D;
+    const floatw beside = clamp((floatw)0.0f, y0, y1), nearest = sqrt(fma(beside, beside, D2));
+    const floatw off = fma(b.half_angle, m.t0 + y1, ROUNDING * (fabs(m.t0) + y1 - y0));
+    const floatw r = nearest - off, inv = 1.0f / r;
+    const floatw end = g > 0.0f ? -y0 : y1; /* where the phase function is highest */
+    const floatw cosine = fma(2.0f * off, inv, end / sqrt(fma(end, end, D2)) + b.half_angle);
+    const floatw q = fma(-2.0f * fabs(g), fmin(cosine, 1.0f), fma(g, g, 1.0f));
+    const floatw near = r * lamp.inv_reach, near2 = near * near;
+    floatw light = fmax(fma(-near2, near2, 1.0f), 0.0f);
+    if (lamp.cos_outer >= 0.0f) {
+        const floatw at = clamp((floatw)m.top, y0, y1);
+        const floatw over = fma(m.rise, at, m.h) - lamp.cos_outer * sqrt(fma(at, at, D2));
+        light *= clamp(over * inv * lamp.inv_cone, 0.0f, 1.0f);
+    }
+    return SELECTW(r > 0.5f * nearest, light * light * (y1 - y0) * inv * inv / (q * sqrt(q)), INFINITY);
+}
+
+/* No less than the single scattering of a lamp of unit intensity along any ray of the bundle [1/(m sr)]. */
+static inline float most_glow(const Bundle b, const Lamp lamp, const float r_max, const float extinction, const float g)
+{
+    const Met m = met_by(b, lamp, r_max);
+    if (m.first >= m.last)
+        return 0.0f;
+    const float by_first = rsqrt(fma(m.first, m.first, m.D * m.D)), by_last = rsqrt(fma(m.last, m.last, m.D * m.D));
+    float pieces[W], total = 0.0f;
+    for (int i = 0; i < PIECES; i += W) {
+        const floatw from = ((float)i + LANES) * (1.0f / PIECES), to = ((float)i + 1.0f + LANES) * (1.0f / PIECES);
+        const floatw a0 = (1.0f - from) * by_first, a1 = (1.0f - to) * by_first;
+        const floatw b0 = from * by_last, b1 = to * by_last;
+        const floatw y0 = fma(a0, m.first, b0 * m.last) / (a0 + b0), y1 = fma(a1, m.first, b1 * m.last) / (a1 + b1);
+        STOREW(most_of(b, m, lamp, g, y0, y1), pieces);
+        for (int j = 0; j < W; j++)
+            total += pieces[j];
+    }
+    return 1.01f * phase_scale(g) * exp(-extinction * length((float3)(lamp.px, lamp.py, lamp.pz))) * total;
 }
 
 /* Whether what a lamp sends to the eye, by however short a way, fades to under 1e-40: exp_negative ends at 1e-38. */
@@ -284,11 +344,12 @@ __kernel void fog_tiles(
     __global const float *restrict light_position,      /* [m] camera frame */
     __global const float *restrict light_direction,
     __global const float *restrict light_r_max,         /* [m] */
-    __global const float *restrict light_air_reach,     /* [m] */
+    __global const float *restrict light_air_floor,     /* [1/(m sr)] single scattering under which nothing is taken */
     __global const float *restrict light_shape,         /* cos_outer, its sine squared, 1 / (cos_inner - cos_outer), 1 / r_max */
     __global const float *restrict light_ball,          /* [m] centre and radius of what a lamp can light */
     const float sigma_s, const float sigma_a,           /* [1/m] */
     const float alpha,
+    const float g,
     const float extent_m,                               /* [m] */
     const int convention)
 {
@@ -304,10 +365,10 @@ __kernel void fog_tiles(
         for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1) {
             const int l = lowest(word, met);
             const bool placed = light_kind[l] != DIRECTIONAL && convention != PAPER;
-            const bool unlit = light_air_reach[l] == 0.0f
+            const Lamp source = lamp(l, light_position, light_direction, light_shape);
+            const bool unlit = light_air_floor[l] == INFINITY
                 || (placed && (fades_out(vload3(l, light_position), extinction)
-                    || !shines_into(
-                        rays, lamp(l, light_position, light_direction, light_shape), light_r_max[l], light_air_reach[l])));
+                    || most_glow(rays, source, light_r_max[l], extinction, g) <= light_air_floor[l]));
             bits |= unlit ? 0u : met & -met;
         }
         out[word] = bits;
@@ -334,7 +395,7 @@ __kernel void fog(
     __global const float *restrict light_direction,
     __global const float *restrict light_intensity,
     __global const float *restrict light_r_max,         /* [m] */
-    __global const float *restrict light_air_reach,     /* [m] */
+    __global const float *restrict light_air_floor,     /* [1/(m sr)] single scattering under which nothing is taken */
     __global const float *restrict light_shape,         /* cos_outer, its sine squared, 1 / (cos_inner - cos_outer), 1 / r_max */
     __global const float *restrict node_x,              /* upper half of the abscissae on [-1, 1] */
     __global const float *restrict node_w,
@@ -393,7 +454,7 @@ __kernel void fog(
                 glow = convention == PAPER
                     ? at_surface(a, x, y, z, s, g)
                     : along_ray(
-                        a, light_r_max[l], light_air_reach[l], ray, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
+                        a, light_r_max[l], light_air_floor[l], ray, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
             }
             r = fma(glow, E.x, r);
             g_ = fma(glow, E.y, g_);

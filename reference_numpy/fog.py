@@ -42,7 +42,7 @@ def fog(
     light_cos_inner: Array,
     light_cos_outer: Array,
     light_r_max: Array,
-    light_air_reach: Array,
+    light_air_floor: Array,
     sigma_s: float,
     sigma_a: float,
     alpha: float,
@@ -76,9 +76,10 @@ def fog(
         (L,) cosines of a spot's half angles, inner > outer > 0.
     light_r_max
         (L,) reach [m], > 0.
-    light_air_reach
-        (L,) distance between light and ray [m] towards which the in-scatter fades to nothing, >= 0: 0 for a light that
-        does not show in the air, inf for one that is taken whole. Of a point or spot under "physical"; else 0 or not.
+    light_air_floor
+        (L,) single scattering of the light at unit intensity towards which it fades to nothing [1/(m sr)], >= 0: inf
+        for a light that does not show in the air, 0 for one that is taken whole. Of a point or spot under "physical";
+        else inf or not.
     sigma_s, sigma_a
         Scattering and absorption coefficients [1/m], >= 0.
     alpha
@@ -112,7 +113,7 @@ def fog(
     opacity = -np.expm1(-extinction * s)
 
     in_scatter = np.zeros_like(rgb, dtype=np.float64)
-    for i in np.flatnonzero(light_air_reach).tolist():
+    for i in np.flatnonzero(light_air_floor < np.inf).tolist():
         if light_kind[i] == DIRECTIONAL:
             glow = _directional(ray, s, opacity, light_direction[i], extinction=extinction, g=g, paper=paper)
         else:
@@ -129,7 +130,7 @@ def fog(
                 glow = _at_surface(source, ray, s, g=g)
             else:
                 glow = along_ray(source, ray, s, extinction=extinction, g=g, nodes=nodes)
-                glow *= window(_beside2(source, ray), float(light_air_reach[i]))
+                glow *= window(float(light_air_floor[i]) ** 2 / np.maximum(glow, 1e-30) ** 2, 1.0)
         in_scatter += gamma * scattering * glow[..., None] * light_intensity[i]
 
     fog_color = np.asarray(color, dtype=np.float64)
@@ -143,12 +144,6 @@ def fog(
         "in_scatter": in_scatter,
         "airlight": airlight,
     }
-
-
-def _beside2(lamp: Lamp, ray: Array) -> Array:
-    """Squared distance D from the lamp to each ray [m^2], softened."""
-    across = np.cross(lamp.position, ray)
-    return np.asarray(np.einsum("...c,...c->...", across, across) + EPSILON, dtype=np.float64)
 
 
 def _directional(
@@ -179,7 +174,7 @@ def along_ray(lamp: Lamp, ray: Array, s: Array, *, extinction: float, g: float, 
     """
     t0 = ray @ lamp.position
     across = np.cross(lamp.position, ray)
-    D = np.sqrt(_beside2(lamp, ray))
+    D = np.sqrt(np.einsum("...c,...c->...", across, across) + EPSILON)
     # Component along the ray, and across it, of the cosine to the spot's axis: cos = -c cos(a) + k sin(a).
     c = ray @ lamp.direction
     k = -(np.cross(ray, across) @ lamp.direction) / D

@@ -93,7 +93,7 @@ def test_agrees_with_the_renderers_own_fog() -> None:
             fy=K[1, 1],
             cx=K[0, 2],
             cy=K[1, 2],
-            light_air_reach=np.zeros(0),
+            light_air_floor=np.zeros(0),
             light_kind=np.zeros(0, np.int32),
             light_position=np.zeros((0, 3)),
             light_direction=np.zeros((0, 3)),

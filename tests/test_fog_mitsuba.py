@@ -102,7 +102,7 @@ def _ours(kind: int, sigma_t: float, albedo: float, g: float) -> NDArray[np.floa
         light_cos_inner=np.cos(np.radians([INNER_DEG])),
         light_cos_outer=np.cos(np.radians([OUTER_DEG])),
         light_r_max=np.array([1e6]),
-        light_air_reach=np.array([np.inf]),
+        light_air_floor=np.zeros(1),
         sigma_s=sigma_t * albedo,
         sigma_a=sigma_t * (1 - albedo),
         alpha=1.0,

@@ -85,7 +85,7 @@ KNOBS = (
         name="faintest glow",
         step="fog",
         weather="snow",
-        settings=_each("fog.faintest", ("0", "5e-05", "0.0005", "0.005", "0.05")),
+        settings=_each("fog.faintest", ("0", "3e-05", "0.0003", "0.003", "0.03")),
         finest=("fog.nodes=64", "fog.faintest=0"),
         default="0.0005",
         exact=True,

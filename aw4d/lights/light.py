@@ -88,7 +88,7 @@ class LightArrays:
     light_cos_inner: NDArray[np.float32]
     light_cos_outer: NDArray[np.float32]
     light_r_max: NDArray[np.float32]
-    light_air_reach: NDArray[np.float32]
+    light_air_floor: NDArray[np.float32]
 
     def __len__(self) -> int:
         return len(self.light_kind)
@@ -112,7 +112,7 @@ def in_camera(lights: Sequence[Light], camera: Camera) -> LightArrays:
         light_cos_inner=np.cos(np.radians([light.inner_deg for light in lights])).astype(np.float32),
         light_cos_outer=np.cos(np.radians([light.outer_deg for light in lights])).astype(np.float32),
         light_r_max=np.array([light.r_max_m for light in lights], dtype=np.float32),
-        light_air_reach=np.full(n, np.inf, dtype=np.float32),
+        light_air_floor=np.zeros(n, dtype=np.float32),
     )
 
 

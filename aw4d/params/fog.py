@@ -41,9 +41,9 @@ class FogParams(Params):
     )
     nodes: int = param(8, "1", "the even number of quadrature nodes a light", "Gauss-Legendre", low=2, high=64)
     faintest: float = param(
-        5e-4,
+        3e-4,
         "white",
-        "the glow in the air that is too faint to be taken; 0 takes all",
+        "the glow in the air that is too faint by day to be taken, in the dark up to 5 times fainter; 0 takes all",
         "",
         low=0,
         high=1,

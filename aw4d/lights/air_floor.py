@@ -1,4 +1,4 @@
-"""Distances beside a lamp within which its light in the air shows: in thin haze a faint one has little, or none."""
+"""How faint a lamp's light in the air may be before it is taken for nothing: in thin haze by day most of it is."""
 
 from __future__ import annotations
 
@@ -9,43 +9,44 @@ from numpy.typing import NDArray
 
 from aw4d.camera import Camera
 from aw4d.lights.light import KINDS, LightArrays
-from aw4d.params import FogParams
+from aw4d.params import RGB, FogParams
 from reference_numpy.fog import along_ray
 from reference_numpy.lamp import lamp
-from reference_numpy.phase import henyey_greenstein
-from reference_numpy.sampling import gauss_legendre
 
 GRID = (19, 33)  # rays, up and across
 MARGIN = 0.1  # of the picture to every side: the glow of a lamp in there peaks at one ray, which a grid may miss
 Lens = tuple[tuple[int, int], tuple[float, ...]]  # size of the picture, (height, width) [px], and K row by row
-ANGLES = 200  # nodes of the phase function's integral: to 2e-4 at |g| = 0.999, the largest that is admitted
+DAY = 0.5  # [white] mean radiance of the surroundings under which `faintest` is meant
+DARK = 0.1  # of the surroundings' mean radiance: what glow is seen against
 
 
-def air_reach(lights: LightArrays, camera: Camera, fog: FogParams) -> NDArray[np.float32]:
-    """Distance between lamp and ray within which the fog takes a light [m], (L,); 0 for none of it, inf for all.
+def air_floor(lights: LightArrays, camera: Camera, fog: FogParams) -> NDArray[np.float32]:
+    """Single scattering at unit intensity that is taken for nothing [1/(m sr)], (L,); 0 takes all, inf nothing.
 
-    A ray that passes a lamp at distance D gathers at most b / D times the integral of the phase function over all
-    angles, b being what the lamp's intensity scatters a metre: beyond the distance where that is `fog.faintest` nobody
-    sees it. A lamp outside the picture is left out if a grid of rays without end finds it nowhere as bright.
+    It is `fog.faintest` over what the light's intensity scatters a metre. A lamp outside the picture is left out if a
+    grid of rays without end finds it nowhere brighter.
     """
     scattering = fog.gamma * fog.alpha * float(fog.sigma_s or 0.0)
     brightest = scattering * lights.light_intensity.max(axis=1, initial=0.0).astype(np.float64)
     local = lights.light_kind != KINDS.index("directional")
-    reach = np.full(len(lights), np.inf)
+    floor = np.zeros(len(lights))
     if fog.faintest > 0:
-        reach[local] = brightest[local] * _angular_integral(fog.g) / fog.faintest
+        with np.errstate(divide="ignore"):  # a lamp without intensity
+            floor[local] = fog.faintest * _dimmed(fog.color) / brightest[local]
     lens = camera.shape, tuple(camera.K.ravel().tolist())
     for i in np.flatnonzero(local & _outside(lights, camera)):
-        if brightest[i] * _glow(_alone(lights, int(i)), lens, fog) <= fog.faintest:
-            reach[i] = 0.0
-    return reach.astype(np.float32)
+        if _glow(_alone(lights, int(i)), lens, fog) <= floor[i]:
+            floor[i] = np.inf
+    return floor.astype(np.float32)
 
 
-@lru_cache(maxsize=16)
-def _angular_integral(g: float) -> float:
-    """Integral of the phase function over the scattering angle, 0 to pi [1/sr rad]."""
-    x, w = gauss_legendre(ANGLES)
-    return float(np.pi / 2 * (w * henyey_greenstein(np.cos(np.pi / 2 * (1 + x)), g=g)).sum())
+def _dimmed(color: RGB | None) -> float:
+    """How much fainter than by day glow is seen before surroundings of that radiance: the ratio of the steps of sRGB's
+    codes at a tenth of it, which go with L^(1 - 1/2.4) down to 0.0031308 (IEC 61966-2-1)."""
+    if color is None:
+        return 1.0
+    step = [max(DARK * radiance, 0.0031308) ** (1 - 1 / 2.4) for radiance in (float(np.mean(color)), DAY)]
+    return min(step[0] / step[1], 1.0)
 
 
 def _alone(lights: LightArrays, i: int) -> tuple[tuple[str, tuple[float, ...]], ...]:
