@@ -24,6 +24,7 @@ from aw4d.kernels import Kernel, build, cpu
 from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
 from aw4d.passes import (
+    BAND,
     CHUNKS,
     DIGITS,
     EMPTY,
@@ -32,6 +33,7 @@ from aw4d.passes import (
     PACK,
     PASSES,
     RECORD,
+    SHARES,
     TILE,
     WORKING,
     Stage,
@@ -313,7 +315,7 @@ class OpenCLBackend:
             raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
 
     def _options(self, layers: bool) -> list[str]:
-        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
+        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}", f"-DBAND={BAND}"]
         options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}", f"-DPACK={PACK}"]
         return options + ["-DLAYERS"] * layers
 
@@ -366,6 +368,8 @@ class OpenCLBackend:
             return (items, min(GROUPS, height)), (items, 1)
         if stage.over == "tiles":
             return (-(-width // TILE), -(-height // TILE)), None
+        if stage.over == "particles" and self.report.kind == "cpu":
+            return (min(max(-(-count // self.width), 1), SHARES), 1), (1, 1)
         if stage.over == "particles":
             groups = max(-(-count // (self.width * GROUP_ITEMS)), 1)
             return (groups * GROUP_ITEMS, 1), (GROUP_ITEMS, 1)
@@ -377,6 +381,8 @@ class OpenCLBackend:
         if stage.over == "packs":
             return (max(-(-count // (self.width * PACK)), 1), 1), alone
         columns = planes.pitch // self.width
+        if stage.over == "bands":
+            return (columns, -(-height // BAND)), alone
         if stage.over == "strips":
             return (columns, -(-height // TILE)), alone
         fits = self.report.kind == "cpu" and height % 2 == 0 and 2 * columns <= self.report.device.max_work_group_size

@@ -28,9 +28,12 @@ from aw4d.params import (
 from reference_numpy.row_means import BLOCKS
 
 TILE = 16  # [px] side of the squares for which lights are sorted out; a multiple of every vector width
+BAND = 64  # [px] rows of a tile that is searched for particles
 CHUNKS = 64  # of particles that are counted together
 DIGITS = 256  # of a digit by which they are sorted
 RECORD = 32  # values a particle that is drawn: of two cache lines
+SHARES = 256  # of what work-items of a CPU have in turns
+BUNDLE = 512  # particles whose bits a work-item writes
 PACK = 64  # vectors of particles that a work-item looks through
 GROUPS, GROUP_ITEMS = 64, 64  # enough to fill a GPU and to balance a CPU's cores
 
@@ -47,7 +50,7 @@ class Stage:
     """
 
     kernel: str
-    over: Literal["pixels", "tiles", "one", "groups", "particles", "packs", "chunks", "strips"] = "pixels"
+    over: Literal["pixels", "tiles", "one", "groups", "particles", "packs", "chunks", "strips", "bands"] = "pixels"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,7 +109,7 @@ def _margin(height: int) -> int:
 
 def _particle_bits(height: int, pitch: int, particles: int) -> int:
     """A bit for every particle in every column and every row of tiles, in words of 64."""
-    return 2 * (-(-height // TILE) + -(-pitch // TILE)) * -(-particles // 64)
+    return 2 * (-(-height // BAND) + -(-pitch // TILE)) * 8 * -(-particles // BUNDLE)
 
 
 def _falling(name: str, params: type[Params], layer: str) -> Pass:
@@ -126,7 +129,7 @@ def _falling(name: str, params: type[Params], layer: str) -> Pass:
             Stage(kernel="particle_spread_high", over="chunks"),
             Stage(kernel="particle_records", over="particles"),
             Stage(kernel="particle_bins", over="particles"),
-            Stage(kernel=name, over="strips"),
+            Stage(kernel=name, over="bands"),
         ),
         counts="particle_count",
         scratch={
@@ -137,7 +140,8 @@ def _falling(name: str, params: type[Params], layer: str) -> Pass:
             "particle_order": lambda height, pitch, count: count,
             "particle_counts": lambda height, pitch, count: DIGITS * CHUNKS,
             "particle_shown": lambda height, pitch, count: 1,
-            "particle_record": lambda height, pitch, count: RECORD * count,
+            "particle_record": lambda height, pitch, count: RECORD * (count + TILE),
+            "particle_box": lambda height, pitch, count: 4 * (count + TILE),
             "particle_bits": _particle_bits,
         },
     )

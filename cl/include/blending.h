@@ -14,6 +14,8 @@
 #include "vec.h"
 
 #define WORD 64          /* particles a word of bits */
+#define WORDS 8          /* a bundle of words, which is worked on at once */
+#define BUNDLE (WORD * WORDS)
 #define BEHIND 0.01f
 #define COVERED 4.0f
 
@@ -30,27 +32,28 @@ enum {
 #define FOUR(field) ((field) / 4) /* which four floats of a record a field is in, of which DEPTH and LEFT are the first */
 #define FOURS (RECORD / 4)
 
-/* Stores a field of W records, of which `left` are there. */
-static inline void put(__global float *restrict record, const int left, const int field, const floatw values)
+/* Stores four fields of W records, from `field` on. */
+static inline void put(
+    __global float *restrict record, const int field, const floatw a, const floatw b, const floatw c, const floatw d)
 {
-    float v[W];
-    STOREW(values, v);
-    for (int j = 0; j < min(W, left); j++)
-        record[RECORD * j + field] = v[j];
+    const Quad q = {a, b, c, d};
+    spread(record + field, RECORD, q);
 }
 
-/* The pixels that particles reach. */
-static inline void put_box(__global float *restrict out, const int left, const Falling f, const Capsule c)
+/* The pixels that particles reach: left, right, top, bottom. */
+static inline Quad box_of(const Falling f, const Capsule c)
 {
     const floatw wide = fmax(c.head_radius, c.tail_radius);
-    put(out, left, LEFT, FLOATW(max(first_pixel(c.head_u, c.tail_u, wide), (intw)(0))));
-    put(out, left, RIGHT, FLOATW(min(last_pixel(c.head_u, c.tail_u, wide), (intw)(f.width - 1))));
-    put(out, left, TOP, FLOATW(max(first_pixel(c.head_v, c.tail_v, wide), (intw)(0))));
-    put(out, left, BOTTOM, FLOATW(min(last_pixel(c.head_v, c.tail_v, wide), (intw)(f.height - 1))));
+    const Quad box = {
+        FLOATW(max(first_pixel(c.head_u, c.tail_u, wide), (intw)(0))),
+        FLOATW(min(last_pixel(c.head_u, c.tail_u, wide), (intw)(f.width - 1))),
+        FLOATW(max(first_pixel(c.head_v, c.tail_v, wide), (intw)(0))),
+        FLOATW(min(last_pixel(c.head_v, c.tail_v, wide), (intw)(f.height - 1)))};
+    return box;
 }
 
-/* How particles lie in the picture. */
-static inline void put_axis(__global float *restrict out, const int left, const Capsule c)
+/* How particles lie in the picture, and what light they have. */
+static inline void put_capsule(__global float *restrict out, const Capsule c, const Triple color)
 {
     const floatw du = sharp_difference(c.tail_u, c.head_u).hi, dv = sharp_difference(c.tail_v, c.head_v).hi;
     const intw steep = fabs(dv) >= fabs(du);
@@ -68,22 +71,12 @@ static inline void put_axis(__global float *restrict out, const int left, const 
     const floatw m = (head_m.hi - m0) + head_m.lo, n = (head_n.hi - n0) + head_n.lo;
     const floatw cosine = 1.0f / sqrt(fma(k.hi, k.hi, (floatw)(1.0f)));
     const floatw sign = copysign((floatw)(1.0f), dm.hi);
-    put(out, left, M0, m0);
-    put(out, left, N0, n0);
-    put(out, left, HEAD_M, m);
-    put(out, left, TAIL_M0, t0);
-    put(out, left, TAIL_M, (tail_m.hi - t0) + tail_m.lo);
-    put(out, left, SLOPE, k.hi);
-    put(out, left, SLOPE_LO, k.lo);
-    put(out, left, OFFSET, fma(-k.hi, m, n));
-    put(out, left, COSINE, cosine);
-    put(out, left, STRETCH, sign * fma(k.hi * k.hi, cosine, cosine));
-    put(out, left, SHEAR, sign * k.hi * cosine);
-    put(out, left, INV_LENGTH, 1.0f / fmax(c.length, 1e-30f));
-    put(out, left, STEEP, SELECTW(steep, 1.0f, 0.0f));
-    put(out, left, INV_LENGTH, 1.0f / fmax(c.length, 1e-30f));
-    put(out, left, RADIUS, c.head_radius);
-    put(out, left, GROWS, c.tail_radius - c.head_radius);
+    put(out, M0, m0, n0, m, t0);
+    put(out, TAIL_M, (tail_m.hi - t0) + tail_m.lo, k.hi, k.lo, fma(-k.hi, m, n));
+    put(out, COSINE, cosine, sign * fma(k.hi * k.hi, cosine, cosine), sign * k.hi * cosine, 1.0f / fmax(c.length, 1e-30f));
+    put(out, DEPTH, c.z, c.head_radius, c.tail_radius - c.head_radius, c.opacity);
+    put(out, COVERS, c.covers, color.x, color.y, color.z);
+    put(out, STEEP, SELECTW(steep, 1.0f, 0.0f), 0.0f, 0.0f, 0.0f);
 }
 
 /* W of the numbers in a list from j on, the last of its `end` again beyond it. */
@@ -95,23 +88,17 @@ static inline intw listed(__global const uint *restrict numbers, const int j, co
     return LOADW(held);
 }
 
-/* Records of W particles in order, from j0 on. */
+/* Records and boxes of W particles in order, from j0 on; there is room for a vector beyond the last one. */
 static inline void write_records(
     const Falling f, const Light by, const int j0, const int shown, __global const uint *restrict order,
-    __global float *restrict records)
+    __global float *restrict records, __global float *restrict all_boxes)
 {
     const Capsule c = capsule(f, listed(order, j0, shown));
-    const Triple color = particle_color(by, c.x, c.y, c.z);
+    const Quad box = box_of(f, c);
     __global float *out = records + (size_t)RECORD * j0;
-    const int left = shown - j0;
-    put_axis(out, left, c);
-    put_box(out, left, f, c);
-    put(out, left, DEPTH, c.z);
-    put(out, left, OPACITY, c.opacity);
-    put(out, left, COVERS, c.covers);
-    put(out, left, RED, color.x);
-    put(out, left, GREEN, color.y);
-    put(out, left, BLUE, color.z);
+    put_capsule(out, c, particle_color(by, c.x, c.y, c.z));
+    spread(out + LEFT, RECORD, box);
+    store_lanes(all_boxes + 4 * (size_t)j0, box);
 }
 
 /* Pixels that W particles reach: left, right, top, bottom. They are read at once, for records are far away: to wait for
@@ -121,9 +108,15 @@ static inline Quad boxes(__global const float *restrict records, const intw i)
     return gather(records, FOURS * i + FOUR(LEFT));
 }
 
-static inline int words_of(const int particles)
+static inline int bundles_of(const int particles)
 {
-    return (particles + WORD - 1) / WORD;
+    return (particles + BUNDLE - 1) / BUNDLE;
+}
+
+/* Words from one column or row to the next. */
+static inline size_t words_of(const int particles)
+{
+    return (size_t)WORDS * bundles_of(particles);
 }
 
 /* Turns a bit over where the words first to last of `end` begin, and where they end. */
@@ -136,34 +129,39 @@ static inline void toggle(
         words[(last + 1) * stride] ^= bit;
 }
 
-/* Carries bits that were turned over along the words. */
+/* Carries bits that were turned over along a bundle's words. */
 static inline void carry(__global ulong *restrict words, const size_t stride, const int end)
 {
-    ulong on = 0;
-    for (int k = 0; k < end; k++)
-        words[k * stride] = on ^= words[k * stride];
+    ulong8 on = 0;
+    for (int k = 0; k < end; k++) {
+        on ^= vload8(0, words + k * stride);
+        vstore8(on, 0, words + k * stride);
+    }
 }
 
-/* A word of the bits of every column and row of tiles. */
+/* A bundle of words of the bits of every column and row of tiles. */
 static inline void write_bins(
-    __global const float *restrict records, const int word, const int count, const int shown, const int width,
+    __global const float *restrict all_boxes, const int bundle, const int count, const int shown, const int width,
     const int height, __global ulong *restrict bins)
 {
-    const int columns = (width + TILE - 1) / TILE, rows = (height + TILE - 1) / TILE;
+    const int columns = (width + TILE - 1) / TILE, rows = (height + BAND - 1) / BAND;
+    const int end = min(BUNDLE * (bundle + 1), shown);
     const size_t stride = words_of(count);
-    __global ulong *column = bins + word, *row = column + columns * stride;
+    __global ulong *column = bins + WORDS * bundle, *row = column + columns * stride;
     for (int k = 0; k < columns + rows; k++)
-        column[k * stride] = 0;
-    for (int j0 = 0; j0 < min(WORD, shown - WORD * word); j0 += W) {
+        vstore8((ulong8)(0), 0, column + k * stride);
+    for (int j0 = BUNDLE * bundle; j0 < end; j0 += W) {
         int left[W], right[W], top[W], bottom[W];
-        const Quad box = boxes(records, min(WORD * word + j0 + INTW(LANES), (intw)(shown - 1)));
+        const Quad box = load_lanes(all_boxes + 4 * (size_t)j0);
         STOREW(INTW(box.x) / TILE, left);
         STOREW(INTW(box.y) / TILE, right);
-        STOREW(INTW(box.z) / TILE, top);
-        STOREW(INTW(box.w) / TILE, bottom);
-        for (int j = 0; j < min(W, shown - WORD * word - j0); j++) {
-            toggle(column, stride, 1ul << (j0 + j), left[j], right[j], columns);
-            toggle(row, stride, 1ul << (j0 + j), top[j], bottom[j], rows);
+        STOREW(INTW(box.z) / BAND, top);
+        STOREW(INTW(box.w) / BAND, bottom);
+        const int word = (j0 - BUNDLE * bundle) / WORD;
+        for (int j = 0; j < min(W, end - j0); j++) {
+            const ulong bit = 1ul << ((j0 + j) % WORD);
+            toggle(column + word, stride, bit, left[j], right[j], columns);
+            toggle(row + word, stride, bit, top[j], bottom[j], rows);
         }
     }
     carry(column, stride, columns);
@@ -191,9 +189,9 @@ static inline floatw profile(__global const float *restrict record, const floatw
 typedef struct {
     int u0, v0;
     float farthest;                  /* of the surfaces [m] */
-    floatw surface[TILE], inv_surface[TILE];
-    floatw r[TILE], g[TILE], b[TILE], alpha[TILE];
-    floatw log_nearest[TILE], taken[TILE];
+    floatw surface[BAND], inv_surface[BAND];
+    floatw r[BAND], g[BAND], b[BAND], alpha[BAND];
+    floatw log_nearest[BAND], taken[BAND];
 } Strip;
 
 /* The surfaces of the pixels (u0 to u0 + W - 1, v0 to v0 + TILE - 1), before which there is nothing yet. */
@@ -202,7 +200,7 @@ static inline void clear_strip(
     __global const uchar *restrict sky)
 {
     floatw farthest = 0.0f;
-    for (int k = 0; k < TILE; k++) {
+    for (int k = 0; k < BAND; k++) {
         const int i = min(v0 + k, height - 1) * pitch + u0;
         const floatw z = fmin(fmax(LOADW(depth + i), 1e-3f), 1e9f);
         strip->surface[k] = SELECTW(LOADMASKW(sky + i), 1e9f, z);
@@ -219,7 +217,7 @@ static inline void clear_strip(
 static inline void add_particle(Strip *strip, __global const float *restrict record)
 {
     const int v0 = strip->v0;
-    const int first = max((int)record[TOP] - v0, 0), last = min((int)record[BOTTOM] - v0, TILE - 1);
+    const int first = max((int)record[TOP] - v0, 0), last = min((int)record[BOTTOM] - v0, BAND - 1);
     const floatw u = (float)strip->u0 + LANES;
     const float z = record[DEPTH];
 #ifdef LAYERS
@@ -256,15 +254,6 @@ static inline void add_particles(
             add_particle(strip, records + (size_t)RECORD * found[j]);
 }
 
-/* The next word from `word` on in which a column and a row share a bit. */
-static inline int shared(
-    __global const ulong *restrict column, __global const ulong *restrict row, int word, const int words)
-{
-    while (word < words && !(column[word] & row[word]))
-        word++;
-    return word;
-}
-
 /* Adds all particles whose bits are in a column and in a row of words; `steps` of depth a metre put them in order. */
 static inline void add_marked(
     Strip *strip, __global const float *restrict records, __global const ulong *restrict column,
@@ -272,17 +261,23 @@ static inline void add_marked(
 {
     const float end = strip->farthest + 2.0f / steps;
     int found[W] = {0}, n = 0;
-    const int words = words_of(shown);
-    for (int word = shared(column, row, 0, words); word < words; word = shared(column, row, word + 1, words))
-        for (ulong bits = column[word] & row[word]; bits; bits &= bits - 1) {
-            found[n++] = WORD * word + 63 - (int)clz(bits & -bits);
-            if (n < W)
-                continue;
-            add_particles(strip, records, found, W);
-            if (records[(size_t)RECORD * found[W - 1] + DEPTH] > end)
-                return;
-            n = 0;
-        }
+    for (int bundle = 0; bundle < bundles_of(shown); bundle++) {
+        ulong words[WORDS];
+        const ulong8 both = vload8(bundle, column) & vload8(bundle, row);
+        if (!as_ulong(convert_char8(both != (ulong8)(0))))
+            continue;
+        vstore8(both, 0, words);
+        for (int k = 0; k < WORDS; k++)
+            for (ulong bits = words[k]; bits; bits &= bits - 1) {
+                found[n++] = BUNDLE * bundle + WORD * k + 63 - (int)clz(bits & -bits);
+                if (n < W)
+                    continue;
+                add_particles(strip, records, found, W);
+                if (records[(size_t)RECORD * found[W - 1] + DEPTH] > end)
+                    return;
+                n = 0;
+            }
+    }
     for (int j = n; j < W; j++)
         found[j] = found[0];
     if (n > 0)
@@ -293,7 +288,7 @@ static inline void add_marked(
 static inline void store_light(
     const Strip *strip, __global float *restrict rgb, const int height, const int pitch, const int plane)
 {
-    for (int k = 0; k < min(TILE, height - strip->v0); k++) {
+    for (int k = 0; k < min(BAND, height - strip->v0); k++) {
         if (!ANYW(strip->alpha[k] > 0.0f))
             continue;
         __global float *at = rgb + (strip->v0 + k) * pitch + strip->u0;
@@ -310,7 +305,7 @@ static inline void store_layers(
     const Strip *strip, __global const float *restrict depth, __global float *restrict alpha_layer,
     __global float *restrict depth_layer, const int height, const int pitch)
 {
-    for (int k = 0; k < min(TILE, height - strip->v0); k++) {
+    for (int k = 0; k < min(BAND, height - strip->v0); k++) {
         const int i = (strip->v0 + k) * pitch + strip->u0;
         const floatw left = 1.0f - strip->taken[k];
         STOREW(strip->alpha[k], alpha_layer + i);

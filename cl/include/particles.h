@@ -146,6 +146,7 @@ __kernel void particle_records(
     __global const uint *restrict particle_order,
     __global const int *restrict particle_shown,
     __global float *restrict particle_record,
+    __global float *restrict particle_box,
     const int width, const int height,                               /* [px] */
     const float fx, const float fy, const float cx, const float cy,  /* [px] */
     const int particle_count,
@@ -178,19 +179,22 @@ __kernel void particle_records(
         light_count, light_kind, light_position, light_direction, light_intensity, light_shape, env_rotation,
         env_specular, env_levels, env_size, sun_direction, sun_irradiance, particle_lobe, g, haze_extinction,
         haze_color};
-    const int j0 = W * get_global_id(0);
-    if (j0 < *particle_shown)
-        write_records(f, by, j0, *particle_shown, particle_order, particle_record);
+    const int shown = *particle_shown, share = get_global_id(0), shares = get_global_size(0);
+    const int vectors = (shown + W - 1) / W;
+    for (int j = share_begin(vectors, share, shares); j < share_begin(vectors, share + 1, shares); j++)
+        write_records(f, by, W * j, shown, particle_order, particle_record, particle_box);
 }
 
 __kernel void particle_bins(
-    __global const float *restrict particle_record,
+    __global const float *restrict particle_box,
     __global const int *restrict particle_shown,
     __global ulong *restrict particle_bits,
     const int particle_count, const int width, const int height)
 {
-    for (int word = get_global_id(0); word < words_of(*particle_shown); word += get_global_size(0))
-        write_bins(particle_record, word, particle_count, *particle_shown, width, height, particle_bits);
+    const int shown = *particle_shown, share = get_global_id(0), shares = get_global_size(0);
+    const int bundles = bundles_of(shown);
+    for (int k = share_begin(bundles, share, shares); k < share_begin(bundles, share + 1, shares); k++)
+        write_bins(particle_box, k, particle_count, shown, width, height, particle_bits);
 }
 
 /* All particles before the strip of a work-item. */
@@ -201,7 +205,7 @@ static inline void draw_particles(
 {
     const int u0 = W * get_global_id(0), row = get_global_id(1), columns = (width + TILE - 1) / TILE;
     const size_t stride = words_of(count);
-    clear_strip(strip, u0, TILE * row, height, pitch, depth, sky);
+    clear_strip(strip, u0, BAND * row, height, pitch, depth, sky);
     add_marked(strip, records, bits + u0 / TILE * stride, bits + (columns + row) * stride, shown, steps);
 }
 #endif

@@ -6,10 +6,15 @@
 #ifndef SORT_H
 #define SORT_H
 
-/* Where a chunk of n things begins. */
+/* Where one of `shares` of n things begins. */
+static inline int share_begin(const int n, const int share, const int shares)
+{
+    return n / shares * share + min(share, n % shares);
+}
+
 static inline int chunk_begin(const int n, const int chunk)
 {
-    return n / CHUNKS * chunk + min(chunk, n % CHUNKS);
+    return share_begin(n, chunk, CHUNKS);
 }
 
 static inline int place_of(const uint key, const int shift, const int chunk)
