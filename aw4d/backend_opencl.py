@@ -147,7 +147,8 @@ class OpenCLBackend:
         self._cl = opencl.load()
         self.report = opencl.choose(device)
         self.width = width if width is not None else self.report.width
-        self._context = self.report.context
+        self._band = BAND if self.report.kind == "cpu" else TILE
+        self._context = self._cl.Context([self.report.device])
         self._queue = self._cl.CommandQueue(self._context)
         self._uploads = self._cl.CommandQueue(self._context)
         self._sets = (_Set(), _Set())  # one is filled with a frame while passes work on the other
@@ -315,7 +316,8 @@ class OpenCLBackend:
             raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error
 
     def _options(self, layers: bool) -> list[str]:
-        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}", f"-DBAND={BAND}"]
+        options = ["-cl-std=CL1.2", "-cl-kernel-arg-info", f"-DW={self.width}", f"-DTILE={TILE}"]
+        options += [f"-DBAND={self._band}"]
         options += [f"-DCHUNKS={CHUNKS}", f"-DDIGITS={DIGITS}", f"-DRECORD={RECORD}", f"-DPACK={PACK}"]
         return options + ["-DLAYERS"] * layers
 
@@ -382,7 +384,7 @@ class OpenCLBackend:
             return (max(-(-count // (self.width * PACK)), 1), 1), alone
         columns = planes.pitch // self.width
         if stage.over == "bands":
-            return (columns, -(-height // BAND)), alone
+            return (columns, -(-height // self._band)), alone
         if stage.over == "strips":
             return (columns, -(-height // TILE)), alone
         fits = self.report.kind == "cpu" and height % 2 == 0 and 2 * columns <= self.report.device.max_work_group_size

@@ -95,7 +95,7 @@ class DeviceReport:
 
     @cached_property
     def context(self) -> Any:
-        """The one context of this device: with its last context PoCL forgets its library, half a second's work."""
+        """The probe's, kept: with its last context PoCL forgets its library of built-ins, which takes 0.4 s to read."""
         return load().Context([self.device])
 
     @property

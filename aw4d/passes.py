@@ -28,12 +28,12 @@ from aw4d.params import (
 from reference_numpy.row_means import BLOCKS
 
 TILE = 16  # [px] side of the squares for which lights are sorted out; a multiple of every vector width
-BAND = 64  # [px] rows of a tile that is searched for particles
+BAND = 64  # [px] rows of a tile of particles on a CPU: what one holds fits its first cache. Elsewhere TILE
 CHUNKS = 64  # of particles that are counted together
 DIGITS = 256  # of a digit by which they are sorted
 RECORD = 32  # values a particle that is drawn: of two cache lines
-SHARES = 256  # of what work-items of a CPU have in turns
-BUNDLE = 512  # particles whose bits a work-item writes
+BUNDLE = 512  # particles whose bits are written together
+SHARES = 256  # of the particles, a work-item each, on a CPU: enough to balance its cores
 PACK = 64  # vectors of particles that a work-item looks through
 GROUPS, GROUP_ITEMS = 64, 64  # enough to fill a GPU and to balance a CPU's cores
 
@@ -44,9 +44,10 @@ class Stage:
 
     "pixels": a vector of pixels of one row, over (pitch / W, height). "tiles": a square of TILE pixels, over
     (ceil(width / TILE), ceil(height / TILE)). "one": a single work-item. "groups": work-groups of GROUP_ITEMS
-    work-items that share the rows of the picture among them, GROUPS at most. "particles": a vector of them, rounded
-    up to whole groups of GROUP_ITEMS. "packs": PACK vectors of them. "chunks": a share of them, CHUNKS in all.
-    "strips": a vector of pixels in each of TILE rows, over (pitch / W, ceil(height / TILE)).
+    work-items that share the rows of the picture among them, GROUPS at most. "particles": a share of them, SHARES in
+    all on a CPU, else a vector or less, in groups of GROUP_ITEMS. "packs": PACK vectors of them. "chunks": a share of
+    them, CHUNKS in all. "strips": a vector of pixels in each of TILE rows, over (pitch / W, ceil(height / TILE)).
+    "bands": the same of BAND rows on a CPU.
     """
 
     kernel: str
@@ -109,7 +110,7 @@ def _margin(height: int) -> int:
 
 def _particle_bits(height: int, pitch: int, particles: int) -> int:
     """A bit for every particle in every column and every row of tiles, in words of 64."""
-    return 2 * (-(-height // BAND) + -(-pitch // TILE)) * 8 * -(-particles // BUNDLE)
+    return 2 * (-(-height // TILE) + -(-pitch // TILE)) * (BUNDLE // 64) * -(-particles // BUNDLE)
 
 
 def _falling(name: str, params: type[Params], layer: str) -> Pass:

@@ -3,7 +3,7 @@
  * A particle that shows has a record, all that the pixels must know of it, and a bit in the words of every column and of
  * every row of tiles that it reaches. A strip of pixels walks over the bits that its column and its row share.
  *
- * Given at build time: TILE pixels a side of a tile, RECORD floats a record.
+ * Given at build time: TILE columns and BAND rows of a tile, RECORD floats a record.
  */
 #ifndef BLENDING_H
 #define BLENDING_H
@@ -19,8 +19,8 @@
 #define BEHIND 0.01f
 #define COVERED 4.0f
 
-/* Fields of a record. The axis runs along the major coordinate m, columns or rows, in which it is longer; the minor one
- * is n = n0 + k (m - m0). */
+/* Fields of a record, stored by fours. The axis runs along the major coordinate m, columns or rows, in which it is longer;
+ * the minor one is n = n0 + k (m - m0). */
 enum {
     M0, N0, HEAD_M, TAIL_M0, TAIL_M, SLOPE, SLOPE_LO, OFFSET, /* whole pixels, and what is left of them, of the ends */
     COSINE, STRETCH, SHEAR, INV_LENGTH,                       /* of the axis to m; signed by the way to the tail */
@@ -176,8 +176,8 @@ static inline floatw profile(__global const float *restrict record, const floatw
     const floatw e = fma(-record[SLOPE_LO], m, fma(-record[SLOPE], m, across - record[N0])) - record[OFFSET];
     const floatw lean = record[SHEAR] * e, d = record[COSINE] * e;
     const floatw from_head = fma(record[STRETCH], m - record[HEAD_M], lean);
-    const floatw from_tail = -fma(record[STRETCH], (along - record[TAIL_M0]) - record[TAIL_M], lean);
-    const floatw over = fmax(fmax(-from_head, -from_tail), 0.0f);
+    const floatw from_tail = fma(-record[STRETCH], (along - record[TAIL_M0]) - record[TAIL_M], -lean);
+    const floatw nearer = SELECTW(from_head < from_tail, from_head, from_tail), over = fmin(nearer, 0.0f);
     const floatw rho = fma(clamp(from_head * record[INV_LENGTH], 0.0f, 1.0f), record[GROWS], record[RADIUS]);
     /* (rho^2 - d^2 - over^2) / rho^2: what rounding takes off rho^2 would show at the edge */
     const floatw rho2 = rho * rho, left = fma(-over, over, fma(-d, d, rho2)) + fma(rho, rho, -rho2);
@@ -189,12 +189,13 @@ static inline floatw profile(__global const float *restrict record, const floatw
 typedef struct {
     int u0, v0;
     float farthest;                  /* of the surfaces [m] */
-    floatw surface[BAND], inv_surface[BAND];
+    float before[BAND];              /* what is nearer than this is wholly before a row's surfaces [m] */
+    floatw surface[BAND];
     floatw r[BAND], g[BAND], b[BAND], alpha[BAND];
     floatw log_nearest[BAND], taken[BAND];
 } Strip;
 
-/* The surfaces of the pixels (u0 to u0 + W - 1, v0 to v0 + TILE - 1), before which there is nothing yet. */
+/* The surfaces of the pixels (u0 to u0 + W - 1, v0 to v0 + BAND - 1), before which there is nothing yet. */
 static inline void clear_strip(
     Strip *strip, const int u0, const int v0, const int height, const int pitch, __global const float *restrict depth,
     __global const uchar *restrict sky)
@@ -204,7 +205,7 @@ static inline void clear_strip(
         const int i = min(v0 + k, height - 1) * pitch + u0;
         const floatw z = fmin(fmax(LOADW(depth + i), 1e-3f), 1e9f);
         strip->surface[k] = SELECTW(LOADMASKW(sky + i), 1e9f, z);
-        strip->inv_surface[k] = 1.0f / strip->surface[k];
+        strip->before[k] = (1.0f - BEHIND - 1e-5f) * MINW(strip->surface[k]);
         strip->r[k] = strip->g[k] = strip->b[k] = strip->alpha[k] = strip->log_nearest[k] = strip->taken[k] = 0.0f;
         farthest = fmax(farthest, strip->surface[k]);
     }
@@ -224,8 +225,9 @@ static inline void add_particle(Strip *strip, __global const float *restrict rec
     const float log_z = log(z);
 #endif
     for (int k = first; k <= last; k++) {
-        const floatw shape = profile(record, u, (floatw)(v0 + k));
-        const floatw shows = shape * smooth_ramp((strip->surface[k] - z) * strip->inv_surface[k] * (1.0f / BEHIND));
+        floatw shows = profile(record, u, (floatw)(v0 + k));
+        if (z > strip->before[k])
+            shows *= smooth_ramp((strip->surface[k] - z) / strip->surface[k] * (1.0f / BEHIND));
         const floatw a = record[OPACITY] * shows, left = fma(-strip->alpha[k], a, a);
         strip->r[k] = fma(left, record[RED], strip->r[k]);
         strip->g[k] = fma(left, record[GREEN], strip->g[k]);
@@ -240,10 +242,20 @@ static inline void add_particle(Strip *strip, __global const float *restrict rec
     }
 }
 
+/* Asks for the records of W particles: they are far away, and take longer to come than others to be drawn. */
+static inline void ask_for(__global const float *restrict records, const int *found)
+{
+    for (int j = 0; j < W; j++)
+        for (int line = 0; line < RECORD; line += 16)
+            PREFETCH(records + (size_t)RECORD * found[j] + line);
+}
+
 /* Adds those of W particles that reach a strip, of which `left` are there. */
 static inline void add_particles(
     Strip *strip, __global const float *restrict records, const int *found, const int left)
 {
+    if (left == 0)
+        return;
     const intw i = LOADW(found);
     const Quad box = boxes(records, i);
     const floatw z = gather(records, FOURS * i + FOUR(DEPTH)).x;
@@ -254,34 +266,44 @@ static inline void add_particles(
             add_particle(strip, records + (size_t)RECORD * found[j]);
 }
 
+static inline int lowest_bit(const ulong bits)
+{
+    return 63 - (int)clz(bits & -bits);
+}
+
 /* Adds all particles whose bits are in a column and in a row of words; `steps` of depth a metre put them in order. */
 static inline void add_marked(
     Strip *strip, __global const float *restrict records, __global const ulong *restrict column,
     __global const ulong *restrict row, const int shown, const float steps)
 {
     const float end = strip->farthest + 2.0f / steps;
-    int found[W] = {0}, n = 0;
+    int found[W] = {0}, n = 0, asked_for[W] = {0}, ready = 0;
     for (int bundle = 0; bundle < bundles_of(shown); bundle++) {
         ulong words[WORDS];
         const ulong8 both = vload8(bundle, column) & vload8(bundle, row);
-        if (!as_ulong(convert_char8(both != (ulong8)(0))))
-            continue;
+        ulong marked = as_ulong(convert_char8(both != (ulong8)(0))); /* a byte a word */
         vstore8(both, 0, words);
-        for (int k = 0; k < WORDS; k++)
+        for (int k; marked; marked &= ~(0xFFul << 8 * k)) {
+            k = lowest_bit(marked) / 8;
             for (ulong bits = words[k]; bits; bits &= bits - 1) {
-                found[n++] = BUNDLE * bundle + WORD * k + 63 - (int)clz(bits & -bits);
+                found[n++] = BUNDLE * bundle + WORD * k + lowest_bit(bits);
                 if (n < W)
                     continue;
-                add_particles(strip, records, found, W);
-                if (records[(size_t)RECORD * found[W - 1] + DEPTH] > end)
+                ask_for(records, found);
+                add_particles(strip, records, asked_for, ready);
+                if (ready && records[(size_t)RECORD * asked_for[W - 1] + DEPTH] > end)
                     return;
+                for (int j = 0; j < W; j++)
+                    asked_for[j] = found[j];
+                ready = W;
                 n = 0;
             }
+        }
     }
+    add_particles(strip, records, asked_for, ready);
     for (int j = n; j < W; j++)
         found[j] = found[0];
-    if (n > 0)
-        add_particles(strip, records, found, n);
+    add_particles(strip, records, found, n);
 }
 
 /* Light of pixels before which there are particles. */

@@ -3,6 +3,13 @@
 #define GATHER_H
 #include "vec.h"
 
+/* Asks for 16 floats before they are read. PoCL's `prefetch` does nothing; its CPUs have one space of addresses. */
+#if W > 1 && defined(POCL_DEVICE_ADDRESS_BITS)
+#define PREFETCH(p) __builtin_prefetch((const void *)(uintptr_t)(p))
+#else
+#define PREFETCH(p) prefetch(p, 16)
+#endif
+
 /* Four floats at each of W places. */
 typedef struct {
     floatw x, y, z, w;
@@ -65,6 +72,7 @@ static inline void spread(__global float *restrict p, const int stride, const Qu
 {
     float four[4 * W];
     by_lanes(q, four);
+    #pragma unroll
     for (int j = 0; j < W; j++)
         vstore4(vload4(j, four), 0, p + stride * j);
 }
