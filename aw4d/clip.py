@@ -10,6 +10,7 @@ import logging
 import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import IO, Any
 
@@ -156,10 +157,16 @@ class ClipInfo:
         return 10.0 if len(self) < 2 else float(1 / np.median(np.diff(self.times)))
 
     def camera(self, index: int) -> Camera:
-        """Camera of a frame."""
-        return Camera(
-            width=self.width, height=self.height, K=self.K[index], camera_to_world=self.camera_to_world[index]
-        )
+        """Camera of a frame, the same object every time: it is checked once, and asked for by all who draw a frame."""
+        if index not in self._cameras:
+            self._cameras[index] = Camera(
+                width=self.width, height=self.height, K=self.K[index], camera_to_world=self.camera_to_world[index]
+            )
+        return self._cameras[index]
+
+    @cached_property
+    def _cameras(self) -> dict[int, Camera]:
+        return {}
 
     def to_json(self) -> dict[str, Any]:
         """Attributes as plain JSON."""

@@ -205,10 +205,15 @@ def vehicle_lights(info: ClipInfo, index: int, params: VehicleLightParams, *, wh
     white_cd_m2
         The luminance that the picture shows as white.
     """
-    dip = math.radians(params.head_dip_deg)
+    return list(_vehicle_lights(ClipKey(info), index, params, white_cd_m2))
+
+
+@lru_cache(maxsize=4)  # a frame's lamps and their faces ask for them
+def _vehicle_lights(key: ClipKey, index: int, params: VehicleLightParams, white_cd_m2: float) -> tuple[Light, ...]:
+    info, dip = key.info, math.radians(params.head_dip_deg)
     head = on_picture(params.head_candela, params.head_color, white_cd_m2)
     tail = on_picture(params.tail_candela, params.tail_color, white_cd_m2)
-    return [
+    return tuple(
         Light(
             kind="spot",
             position=_vector(lamp.position),
@@ -220,7 +225,7 @@ def vehicle_lights(info: ClipInfo, index: int, params: VehicleLightParams, *, wh
             name=lamp.name,
         )
         for lamp in _lamps(info, index, params)
-    ]
+    )
 
 
 def add_vehicle_faces(
