@@ -289,7 +289,7 @@ class OpenCLBackend:
 
         That it was asked is noted on disk: where that cannot be, PoCL will not keep what it compiles either.
         """
-        if self.report.platform != POCL or len(os.sched_getaffinity(0)) < 2:
+        if self.report.platform != POCL or _cores() < 2:
             return None
         built = [(source(name), self._options(_with_layers(name, layers))) for name in names]
         key = (self.report.version, cpu(), os.environ.get("POCL_CACHE_DIR"), built, shape)
@@ -432,6 +432,11 @@ class OpenCLBackend:
             copied.wait()
             out[name] = by_pixels(padded[:, :, :width])
         return out
+
+
+def _cores() -> int:
+    """Cores that this process may use; all where the system does not say."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _with_layers(name: str, layers: Sequence[str]) -> bool:
