@@ -9,6 +9,7 @@
  *     r = D N / (2 s c)        lamp to node [m]
  *     x + r = t0 + D s / c     eye to node to lamp [m]
  */
+#include "include/bundle.h"
 #include "include/exp.h"
 #include "include/lamp.h"
 #include "include/phase.h"
@@ -17,7 +18,6 @@
 
 #define PAPER 1          /* convention */
 #define PIECES 16        /* of a stretch, each of about the same angle at the lamp */
-#define ROUNDING 1e-4f   /* relative; far more than what bounds lose by it */
 
 /* The printed in-scatter: phase and attenuated light at the surface at range s. */
 static inline floatw at_surface(const Lamp lamp, const floatw x, const floatw y, const floatw z, const floatw s, const float g)
@@ -231,62 +231,6 @@ static inline floatw along_ray(
     return glow * window(fma(-faint, faint, 1.0f));
 }
 
-/* Rays within half_angle of the unit vector axis, of lengths up to far [m]. */
-typedef struct {
-    float3 axis;
-    float half_angle, far;
-} Bundle;
-
-static inline Bundle bundle(const Frustum a)
-{
-    const float width = a.right - a.left, height = a.bottom - a.top;
-    const float x = fmax(fabs(a.left), fabs(a.right)), y = fmax(fabs(a.top), fabs(a.bottom));
-    Bundle b;
-    b.axis = normalize((float3)(a.left + 0.5f * width, a.top + 0.5f * height, 1.0f));
-    b.half_angle = 0.5f * sqrt(fma(width, width, height * height)) + ROUNDING; /* [rad] at most, off the axis less */
-    b.far = a.far * sqrt(fma(x, x, fma(y, y, 1.0f)));
-    return b;
-}
-
-/* A lamp beside a bundle's axis, by places y along the axis from its closest approach to the lamp [m]: light is met from
- * first to last, nowhere if first > last. rise y + h is the axial component of the way from the lamp, as much more as it may
- * be for rays of the bundle, over which cos_outer r is then exceeded most at top. */
-typedef struct {
-    float t0, D, first, last, rise, h, top;
-} Met;
-
-/* At the way x [m] rays are half_angle x from the bundle's axis at most, so that there is no light where axial - cos_outer r of
- * the axis' point is below -(1 + cos_outer) half_angle x. That is the difference of a line and a convex function: it has one
- * peak, and crosses 0 where (cos_outer^2 D^2 - h^2) / (cos_outer root +- rise h). */
-static inline Met met_by(const Bundle b, const Lamp lamp, const float r_max)
-{
-    const float3 p = (float3)(lamp.px, lamp.py, lamp.pz), d = (float3)(lamp.dx, lamp.dy, lamp.dz);
-    const float range = length(p), slack = ROUNDING * (range + r_max), co = fmax(lamp.cos_outer, 0.0f);
-    Met m;
-    m.t0 = dot(p, b.axis);
-    m.D = length(cross(p, b.axis));
-    const float most = r_max + b.half_angle * fmin(b.far, range + r_max) + slack, D2 = m.D * m.D;
-    const float reach = sqrt(fmax(most * most - D2, 0.0f));
-    m.first = fmax(-m.t0, -reach);
-    m.last = most > m.D ? fmin(fma(ROUNDING, range, b.far) - m.t0, reach) : -INFINITY;
-    m.rise = fma(1.0f + co, b.half_angle, dot(d, b.axis));
-    m.h = fma(m.rise, m.t0, slack) - dot(p, d);
-    const float steep = co * co - m.rise * m.rise;
-    m.top = steep > 0.0f ? m.D * m.rise * rsqrt(steep) : m.rise > 0.0f ? INFINITY : -INFINITY;
-    if (m.first > m.last || lamp.cos_outer < 0.0f)
-        return m;
-    const float at = clamp(m.top, m.first, m.last), turned = m.rise * m.h;
-    if (fma(m.rise, at, m.h) < co * sqrt(fma(at, at, D2)))
-        m.last = -INFINITY;
-    const float root = co * sqrt(fmax(m.h * m.h - steep * D2, 0.0f)), across = co * co * D2 - m.h * m.h;
-    const float up = across / (root + turned), down = across / (turned - root);
-    if (root + turned > 0.0f && fma(m.rise, up, m.h) >= 0.0f && up <= m.top)
-        m.first = fmax(m.first, up);
-    if (root - turned > 0.0f && fma(m.rise, down, m.h) >= 0.0f && down >= m.top)
-        m.last = fmin(m.last, down);
-    return m;
-}
-
 /* No less than phase, S, W and 1 / r^2 of any ray of the bundle along its places from y0 to y1, integrated. */
 static inline floatw most_of(const Bundle b, const Met m, const Lamp lamp, const float g, const floatw y0, const floatw y1)
 {
@@ -314,17 +258,15 @@ static inline float most_glow(const Bundle b, const Lamp lamp, const float r_max
     if (m.first >= m.last)
         return 0.0f;
     const float by_first = rsqrt(fma(m.first, m.first, m.D * m.D)), by_last = rsqrt(fma(m.last, m.last, m.D * m.D));
-    float pieces[W], total = 0.0f;
+    floatw total = 0.0f;
     for (int i = 0; i < PIECES; i += W) {
         const floatw from = ((float)i + LANES) * (1.0f / PIECES), to = ((float)i + 1.0f + LANES) * (1.0f / PIECES);
         const floatw a0 = (1.0f - from) * by_first, a1 = (1.0f - to) * by_first;
         const floatw b0 = from * by_last, b1 = to * by_last;
         const floatw y0 = fma(a0, m.first, b0 * m.last) / (a0 + b0), y1 = fma(a1, m.first, b1 * m.last) / (a1 + b1);
-        STOREW(most_of(b, m, lamp, g, y0, y1), pieces);
-        for (int j = 0; j < W; j++)
-            total += pieces[j];
+        total += most_of(b, m, lamp, g, y0, y1);
     }
-    return 1.01f * phase_scale(g) * exp(-extinction * length((float3)(lamp.px, lamp.py, lamp.pz))) * total;
+    return 1.01f * phase_scale(g) * exp(-extinction * length((float3)(lamp.px, lamp.py, lamp.pz))) * SUMW(total);
 }
 
 /* Whether what a lamp sends to the eye, by however short a way, fades to under 1e-40: exp_negative ends at 1e-38. */

@@ -4,12 +4,20 @@
  * Two stages: spot_lights_tiles finds the lights that can reach a tile's surfaces; spot_lights adds them up.
  */
 #include "include/brdf.h"
+#include "include/bundle.h"
 #include "include/lamp.h"
 #include "include/tiles.h"
 #include "include/vec.h"
 
 #define PAPER 1          /* convention */
 #define NEAR_EDGE 0.04f  /* of a cone's edge, as a cosine: nearer, its digits are saved */
+
+/* Whether some surface of a tile, none nearer than `near`, may be in a lamp's reach and cone. */
+static inline bool meets_surfaces(const Bundle rays, const float near, const Lamp lamp, const float r_max)
+{
+    const Met m = met_by(rays, lamp, r_max);
+    return m.first <= m.last && m.last >= near * (1.0f - ROUNDING) - m.t0 - ROUNDING * fabs(m.t0);
+}
 
 __kernel void spot_lights_tiles(
     __global const float *restrict depth,               /* [m] */
@@ -18,14 +26,28 @@ __kernel void spot_lights_tiles(
     const int height, const int pitch,                  /* [px] */
     const float fx, const float fy, const float cx, const float cy,  /* [px] */
     const int light_count,
+    __global const int *restrict light_kind,
+    __global const float *restrict light_position,      /* [m] camera frame */
+    __global const float *restrict light_direction,
+    __global const float *restrict light_r_max,         /* [m] */
+    __global const float *restrict light_shape,
     __global const float *restrict light_ball)          /* [m] centre and radius of what a lamp can light */
 {
     const int words = (light_count + 31) / 32;
     __global uint *restrict out = tile_lights + words * (get_global_id(1) * get_global_size(0) + get_global_id(0));
     const Frustum tile = frustum(
         depth, sky, -INFINITY, pitch, height, get_global_id(0) * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
-    for (int word = 0; word < words; word++)
-        out[word] = meeting(tile, word, light_count, light_ball);
+    const Bundle rays = bundle(tile);
+    for (int word = 0; word < words; word++) {
+        uint bits = 0;
+        for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1) {
+            const int l = lowest(word, met);
+            const bool lit = light_kind[l] == DIRECTIONAL
+                || meets_surfaces(rays, tile.near, lamp(l, light_position, light_direction, light_shape), light_r_max[l]);
+            bits |= lit ? met & -met : 0u;
+        }
+        out[word] = bits;
+    }
 }
 
 /* A vector of surfaces. */

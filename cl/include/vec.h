@@ -24,6 +24,7 @@ typedef uchar ucharw;
 #define INTW(x) ((int)(x))
 #define MINW(x) (x)
 #define MAXW(x) (x)
+#define SUMW(x) (x)
 #else
 #define JOIN_(a, b) a##b
 #define JOIN(a, b) JOIN_(a, b)
@@ -45,7 +46,8 @@ typedef JOIN(uchar, W) ucharw;
 #define FLOATW(x) JOIN(convert_float, W)(x)
 #define MINW(x) JOIN(min, W)(x)
 #define MAXW(x) JOIN(max, W)(x)
-#define EXTREMES(name, f) \
+#define SUMW(x) JOIN(sum, W)(x)
+#define REDUCED(name, f) \
     static inline float JOIN(name, 4)(const float4 x) { const float2 y = f(x.lo, x.hi); return f(y.x, y.y); } \
     static inline float JOIN(name, 8)(const float8 x) { return JOIN(name, 4)(f(x.lo, x.hi)); } \
     static inline float JOIN(name, 16)(const float16 x) \
@@ -54,8 +56,10 @@ typedef JOIN(uchar, W) ucharw;
         vstore16(x, 0, v); \
         return JOIN(name, 8)(f(vload8(0, v), vload8(1, v))); \
     }
-EXTREMES(min, fmin)
-EXTREMES(max, fmax)
+#define PLUS(a, b) ((a) + (b))
+REDUCED(min, fmin)
+REDUCED(max, fmax)
+REDUCED(sum, PLUS)
 /* of comparisons: their bytes take one test, where any() takes the lanes one after the other */
 static inline int some4(const int4 c) { return as_uint(convert_char4(c)) != 0; }
 static inline int some8(const int8 c) { return as_ulong(convert_char8(c)) != 0; }
