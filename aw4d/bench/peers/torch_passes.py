@@ -95,7 +95,7 @@ def _air(planes: dict[str, Any], camera: tuple[float, ...], p: dict[str, Any]) -
 
 
 def _light(out: Any, light: Any, ray: tuple[Any, Any, Any], s: Any, p: dict[str, Any]) -> Any:
-    """The glow of a spot added: quadrature along every ray, nodes along the first axis."""
+    """The glow of a spot added: quadrature along every ray, node after node."""
     x, y, z = ray
     px, py, pz, dx, dy, dz, cos_outer, inv_cone, r_max = light[:9]
     t0 = x * px + y * py + z * pz
@@ -119,17 +119,18 @@ def _light(out: Any, light: Any, ray: tuple[Any, Any, Any], s: Any, p: dict[str,
     by = [torch.rsqrt(c * c + stretched * s * s) for c, s in ends]
     (c0, s0), (c1, s1) = [(c * b, s * b) for (c, s), b in zip(ends, by, strict=True)]
     turn = torch.where(r_max > D, torch.sin(0.5 * (high - low)) * by[0] * by[1], 0)
-    node, weight = (torch.tensor(values, dtype=torch.float32).reshape(-1, 1, 1) for values in p["quadrature"])
-    at = 0.5 + 0.5 * node
-    cos, sin = c0 + at * (c1 - c0), s0 + at * (s1 - s0)  # along half the scattering angle, of length sqrt(N)
-    sc, s2, c2 = sin * cos, sin * sin, cos * cos
-    N = s2 + c2
-    inv = 1 / sc.clamp(min=1e-9)
-    inside = (((k * 2 * sc - c * (c2 - s2)) / N - cos_outer) * inv_cone).clamp(0, 1)
-    window = (1 - (0.5 * D * N * inv / r_max) ** 4).clamp(min=0)
-    NQ = N * (c2 + stretched * s2)
-    path = torch.exp(-p["extinction"] * (t0 + D * s2 * inv))
-    total = (weight * (inside * window * N) ** 2 * path / (NQ * torch.sqrt(NQ))).sum(0)
+    total = torch.zeros_like(D)
+    for node, weight in zip(*p["quadrature"], strict=True):
+        at = 0.5 + 0.5 * node
+        cos, sin = c0 + at * (c1 - c0), s0 + at * (s1 - s0)  # along half the scattering angle, of length sqrt(N)
+        sc, s2, c2 = sin * cos, sin * sin, cos * cos
+        N = s2 + c2
+        inv = 1 / sc.clamp(min=1e-9)
+        inside = (((k * 2 * sc - c * (c2 - s2)) / N - cos_outer) * inv_cone).clamp(0, 1)
+        window = (1 - (0.5 * D * N * inv / r_max) ** 4).clamp(min=0)
+        NQ = N * (c2 + stretched * s2)
+        path = torch.exp(-p["extinction"] * (t0 + D * s2 * inv))
+        total = total + weight * (inside * window * N) ** 2 * path / (NQ * torch.sqrt(NQ))
     scale = p["gamma"] * p["scattering"] * (1 + g) / (4 * torch.pi * (1 - g) ** 2)
     return out + total * turn * inv_D * scale * light[9:].reshape(3, 1, 1)
 
