@@ -274,7 +274,7 @@ static inline intw may_hide(const floatw ahead)
 
 /* What the picture shows `rows` above the pixels, between two of its columns, for those lanes that are asked for; nothing
  * where all of that covers no more than `passed`. */
-OUT_OF_LINE Things things(
+static inline Things things(
     const Walk *k, const Mirrored *m, const intw asked, const floatw passed, const int rows, const int stride)
 {
 #pragma OPENCL FP_CONTRACT OFF
