@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -147,11 +148,12 @@ def eye_velocity(info: ClipInfo, index: int) -> Array:
     return out
 
 
+@lru_cache(maxsize=4)
 def _gusts(gust_m_s: float) -> Array:
     """Speed of every class beside the wind, (CLASSES, 3): normal along x and z."""
-    from scipy.special import ndtri  # here: weathers in which nothing falls need none of SciPy
-
-    return gust_m_s * np.stack([ndtri(_spread(2)), np.zeros(CLASSES), ndtri(_spread(3))], axis=1)
+    normal = NormalDist()  # SciPy's takes a tenth of a second to import
+    x, z = ([normal.inv_cdf(share) for share in _spread(base).tolist()] for base in (2, 3))
+    return gust_m_s * np.stack([x, np.zeros(CLASSES), z], axis=1)
 
 
 def _flutter(sway_m: float, time: float) -> tuple[Array, Array]:
