@@ -228,7 +228,8 @@ static inline floatw along_ray(
     const float scale = phase_scale(g) / ((1.0f - g) * (1.0f - g) * (1.0f - g));
     const floatw glow = SELECTW(lit, total * turn * inv_D * scale, 0.0f);
     const floatw faint = air_floor / glow; /* 1 at the floor; any number over it where nothing glows */
-    return glow * window(fma(-faint, faint, 1.0f));
+    const floatw left = fmax(fma(-faint, faint, 1.0f), 0.0f), left2 = left * left;
+    return glow * left2 * left2;
 }
 
 /* No less than phase, S, W and 1 / r^2 of any ray of the bundle along its places from y0 to y1, integrated. */

@@ -19,7 +19,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from reference_numpy.lamp import DIRECTIONAL, EPSILON, Lamp, lamp, window
+from reference_numpy.lamp import DIRECTIONAL, EPSILON, Lamp, lamp
 from reference_numpy.phase import henyey_greenstein
 from reference_numpy.sampling import gauss_legendre, path_length, rays
 
@@ -130,7 +130,7 @@ def fog(
                 glow = _at_surface(source, ray, s, g=g)
             else:
                 glow = along_ray(source, ray, s, extinction=extinction, g=g, nodes=nodes)
-                glow *= window(float(light_air_floor[i]) ** 2 / np.maximum(glow, 1e-30) ** 2, 1.0)
+                glow *= fade(glow, float(light_air_floor[i]))
         in_scatter += gamma * scattering * glow[..., None] * light_intensity[i]
 
     fog_color = np.asarray(color, dtype=np.float64)
@@ -154,6 +154,12 @@ def _directional(
     if paper:
         return phase
     return phase * (opacity / extinction if extinction > 0 else s)
+
+
+def fade(glow: Array, floor: float) -> Array:
+    """Share of a glow that is kept; 0 at the floor. A fade as short as can be would make much of the glow's error."""
+    share: Array = np.maximum(1 - (floor / np.maximum(glow, 1e-30)) ** 2, 0.0) ** 4
+    return share
 
 
 def _at_surface(lamp: Lamp, ray: Array, s: Array, *, g: float) -> Array:

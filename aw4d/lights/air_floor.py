@@ -16,6 +16,7 @@ from reference_numpy.lamp import lamp
 GRID = (19, 33)  # rays, up and across
 MARGIN = 0.1  # of the picture to every side: the glow of a lamp in there peaks at one ray, which a grid may miss
 Lens = tuple[tuple[int, int], tuple[float, ...]]  # size of the picture, (height, width) [px], and K row by row
+LOST = 1.39002  # times the floor: the most that fades of a glow, g (1 - (1 - 1 / g^2)^4) at g = 1.746
 DAY = 0.5  # [white] mean radiance of the surroundings under which `faintest` is meant
 DARK = 0.1  # of the surroundings' mean radiance: what glow is seen against
 
@@ -23,8 +24,8 @@ DARK = 0.1  # of the surroundings' mean radiance: what glow is seen against
 def air_floor(lights: LightArrays, camera: Camera, fog: FogParams) -> NDArray[np.float32]:
     """Single scattering at unit intensity that is taken for nothing [1/(m sr)], (L,); 0 takes all, inf nothing.
 
-    It is `fog.faintest` over what the light's intensity scatters a metre. A lamp outside the picture is left out if a
-    grid of rays without end finds it nowhere brighter.
+    Of what the light's intensity scatters a metre no more than `fog.faintest` is lost. A lamp outside the picture is
+    left out if a grid of rays without end finds it nowhere brighter than that.
     """
     scattering = fog.gamma * fog.alpha * float(fog.sigma_s or 0.0)
     brightest = scattering * lights.light_intensity.max(axis=1, initial=0.0).astype(np.float64)
@@ -32,10 +33,10 @@ def air_floor(lights: LightArrays, camera: Camera, fog: FogParams) -> NDArray[np
     floor = np.zeros(len(lights))
     if fog.faintest > 0:
         with np.errstate(divide="ignore"):  # a lamp without intensity
-            floor[local] = fog.faintest * _dimmed(fog.color) / brightest[local]
+            floor[local] = fog.faintest / LOST * _dimmed(fog.color) / brightest[local]
     lens = camera.shape, tuple(camera.K.ravel().tolist())
     for i in np.flatnonzero(local & _outside(lights, camera)):
-        if _glow(_alone(lights, int(i)), lens, fog) <= floor[i]:
+        if _glow(_alone(lights, int(i)), lens, fog) <= LOST * floor[i]:
             floor[i] = np.inf
     return floor.astype(np.float32)
 
