@@ -322,8 +322,10 @@ static inline Things things(
         left_r = fmin(left_r, hid_r.left);
     }
     f.lobe.share = f.left + f.right + f.hidden;
-#ifdef LAYERS /* else nobody asks */
+#ifdef LAYERS
     f.lobe.left = in.outside + fma(in.left, left_l, in.right * left_r);
+#else
+    f.lobe.left = 0.0f; /* nobody asks */
 #endif
     const floatw wide_l = l.t * r.pixel, wide_r = r.t * l.pixel;
     f.wide = m->lobe * fma(in.to_right, wide_r - wide_l, wide_l) / (l.pixel * r.pixel);
