@@ -25,6 +25,7 @@ from aw4d.clip import Clip
 from aw4d.colour import encode_srgb8
 from aw4d.compare import error
 from aw4d.gbuffer import GBuffer
+from aw4d.params import AmbientParams, FogParams, ReflectionsParams
 from aw4d.passes import PASSES
 from aw4d.pipeline import Plan, plan, prepare
 
@@ -78,7 +79,7 @@ KNOBS = (
         weather="fog",
         settings={k: (*v, "fog.faintest=0") for k, v in _each("fog.nodes", (2, 4, 8, 16, 32)).items()},
         finest=("fog.nodes=64", "fog.faintest=0"),
-        default="16",
+        default=str(FogParams().nodes),
         exact=True,
     ),
     Knob(
@@ -87,7 +88,7 @@ KNOBS = (
         weather="snow",
         settings=_each("fog.faintest", ("0", "3e-05", "0.0003", "0.003", "0.03")),
         finest=("fog.nodes=64", "fog.faintest=0"),
-        default="0.0005",
+        default=str(FogParams().faintest),
         exact=True,
     ),
     Knob(
@@ -99,7 +100,7 @@ KNOBS = (
             for k, v in _each("ambient.shadow_steps", (10, 20, 40, 80, 160, 320)).items()
         },
         finest=("ambient.shadow_steps=1024", "ambient.preset=golden_hour", "ambient.sun_altitude_deg=15"),
-        default="80",
+        default=str(AmbientParams().shadow_steps),
     ),
     Knob(
         name="occlusion slices x steps",
@@ -118,7 +119,7 @@ KNOBS = (
         weather="rain",
         settings=_each("reflections.steps", (7, 14, 28, 56, 112)),
         finest=("reflections.steps=256",),
-        default="28",
+        default=str(ReflectionsParams().steps),
     ),
 )
 

@@ -16,14 +16,7 @@ from aw4d import cache
 from aw4d.camera import Camera
 from aw4d.environment import latlong, prefilter
 from aw4d.environment.latlong import level_irradiance, sample, solid_angles
-from aw4d.environment.prefilter import (
-    SIZE,
-    irradiance_table,
-    is_zonal,
-    no_zonal_tables,
-    specular_table,
-    zonal_tables,
-)
+from aw4d.environment.prefilter import SIZE
 from reference_numpy.environment import octahedral_grid
 from reference_numpy.srgb import LUMINANCE
 
@@ -79,12 +72,7 @@ class Environment:
 
     def _make_tables(self) -> dict[str, Array]:
         size = int(min(max(2 * self.backdrop.shape[0], SIZE), BACKDROP))
-        zonal = zonal_tables(self.radiance) if is_zonal(self.radiance) else no_zonal_tables()
-        return zonal | {
-            "env_irradiance": irradiance_table(self.radiance),
-            "env_specular": specular_table(self.radiance),
-            "env_backdrop": sample(self.backdrop, octahedral_grid(size)),
-        }
+        return prefilter.tables(self.radiance) | {"env_backdrop": sample(self.backdrop, octahedral_grid(size))}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""Tables of an environment: irradiance and prefiltered specular light for every direction, and the table of lobes."""
+"""Tables of an environment: irradiance and prefiltered specular light by direction, and the table of lobes."""
 
 from __future__ import annotations
 
@@ -65,28 +65,18 @@ def _smooth(radiance: Array, d: Array) -> Array:
     return np.maximum(np.stack(planes, axis=-1), 0.0)
 
 
-def irradiance_table(radiance: Array, size: int = SIZE) -> Array:
-    """Irradiance of surfaces that face every direction, (N, N, 3), of a lat-long map of radiance, (H, W, 3)."""
-    return _irradiance(radiance, octahedral_grid(size))
-
-
-def _irradiance(radiance: Array, d: Array) -> Array:
-    """Irradiance of surfaces that face unit directions (..., 3), to (..., 3)."""
+def irradiance(radiance: Array, d: Array) -> Array:
+    """Irradiance of surfaces that face unit directions (..., 3), to (..., 3), by a lat-long map, (H, W, 3)."""
     cosine = np.maximum(_angles_between(), 0.0)
     return _smooth(_convolve(shrink(radiance, ROWS, COLUMNS), cosine, mean=False), d)
 
 
-def specular_table(radiance: Array, size: int = SIZE) -> Array:
-    """Mean radiance that a surface of every roughness sees around every direction, (LEVELS, N, N, 3).
+def specular(radiance: Array, d: Array) -> Array:
+    """Mean radiance that a surface of every roughness sees around unit directions (..., 3), (LEVELS, ..., 3).
 
     The lobe is that of light reflected towards the normal, where eye, normal and mirror direction are the same (Karis
     2013); the weight of light at an angle a to it is D(a / 2) times `_shadowing`.
     """
-    return _specular(radiance, octahedral_grid(size))
-
-
-def _specular(radiance: Array, d: Array) -> Array:
-    """The same in unit directions (..., 3), (LEVELS, ..., 3)."""
     small = shrink(radiance, ROWS, COLUMNS)
     cosine = _angles_between()
     NoH2 = (1 + cosine) / 2
@@ -112,22 +102,33 @@ def _colour(radiance: Array) -> Array:
     return mean / luminance if luminance > 0 else np.ones(3)
 
 
-def zonal_tables(radiance: Array) -> dict[str, Array]:
-    """A map that is zonal as `env_zonal`, (LEVELS, ELEVATIONS, 4), and `env_colour`, (3,).
+def tables(radiance: Array) -> dict[str, Array]:
+    """A lat-long map, (H, W, 3), by the names of the tables that passes look it up in, texels of three numbers.
+
+    Octahedral ones, (SIZE, SIZE, 3) and (LEVELS, SIZE, SIZE, 3), and what goes by elevation alone, (LEVELS, E, 4) and
+    (3,): E is 0 for a map that is not zonal.
+    """
+    y = np.linspace(-1, 1, ELEVATIONS + 1) if is_zonal(radiance) else np.zeros(1)
+    upright = np.stack([np.sqrt(1 - y**2), y, np.zeros(y.shape)], axis=-1)
+    d = np.concatenate([octahedral_grid(SIZE).reshape(-1, 3), upright])  # together: the sums over the sphere take long
+    light, levels = irradiance(radiance, d), specular(radiance, d)
+    texels = SIZE * SIZE
+    return {
+        "env_irradiance": light[:texels].reshape(SIZE, SIZE, 3),
+        "env_specular": levels[:, :texels].reshape(-1, SIZE, SIZE, 3),
+        "env_zonal": _cells(np.concatenate([levels[:, texels:], light[None, texels:] / np.pi]) @ LUMINANCE),
+        "env_colour": _colour(radiance),
+    }
+
+
+def _cells(rows: Array) -> Array:
+    """Levels by elevation and below them the irradiance over pi, (LEVELS + 1, E + 1), as `env_zonal`.
 
     See `reference_numpy.environment.zonal`. There are as many rows of cells as levels, the last one the irradiance's.
     """
-    y = np.linspace(-1, 1, ELEVATIONS + 1)
-    d = np.stack([np.sqrt(1 - y**2), y, np.zeros(y.shape)], axis=-1)
-    levels, light = _specular(radiance, d) @ LUMINANCE, _irradiance(radiance, d) @ LUMINANCE / np.pi
-    upper, lower = np.concatenate([levels[:-1], light[None]]), np.concatenate([levels[1:], light[None]])
-    cells = np.stack([upper[:, :-1], upper[:, 1:], lower[:, :-1], lower[:, 1:]], axis=-1)
-    return {"env_zonal": cells, "env_colour": _colour(radiance)}
-
-
-def no_zonal_tables() -> dict[str, Array]:
-    """The same of any other map: none."""
-    return {"env_zonal": np.zeros((LEVELS, 0, 4)), "env_colour": np.ones(3)}
+    levels, light = rows[:-1], rows[-1:]
+    upper, lower = np.concatenate([levels[:-1], light]), np.concatenate([levels[1:], light])
+    return np.stack([upper[:, :-1], upper[:, 1:], lower[:, :-1], lower[:, 1:]], axis=-1)
 
 
 def _shadowing(NoL: Array, a2: float | Array) -> Array:
@@ -136,7 +137,7 @@ def _shadowing(NoL: Array, a2: float | Array) -> Array:
 
 
 def _level_moments() -> tuple[Array, Array]:
-    """Of the lobe of every level of `specular_table`: length of the mean direction, and mean square of one of the
+    """Of the lobe of every level of `specular`: length of the mean direction, and mean square of one of the
     components across it."""
     roughness = np.linspace(0, 1, LEVELS)
     x, w = np.polynomial.legendre.leggauss(200)

@@ -45,13 +45,14 @@ def add_tail_face(
     """
     radius = radius_m * camera.K[0, 0] / centre[2] if centre[2] > 0 else 0.0
     by_lens = min(max((radius - FROM_PX) / (FULL_PX - FROM_PX), 0.0), 1.0)
-    if by_lens > 0 and (found := _lens(centre, radius, camera, shown, albedo)) is not None:
-        window, lens = found
-        share = min(math.pi * radius**2 / np.count_nonzero(lens), 1.0) * by_lens
-        out[window] += (lens[..., None] * (share * np.asarray(radiance))).astype(np.float32)
-        radiance = [(1 - by_lens) * part for part in radiance]
-    if by_lens < 1 or found is None:
+    found = _lens(centre, radius, camera, shown, albedo) if by_lens > 0 else None
+    if found is None:
         add_disc(out, centre, radius_m, radiance, camera, shown)
+        return
+    window, lens = found
+    share = min(math.pi * radius**2 / np.count_nonzero(lens), 1.0) * by_lens
+    out[window] += (lens[..., None] * (share * np.asarray(radiance))).astype(np.float32)
+    add_disc(out, centre, radius_m, [(1 - by_lens) * part for part in radiance], camera, shown)
 
 
 def _lens(
