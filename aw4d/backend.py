@@ -53,8 +53,8 @@ class Backend(Protocol):
     def put(self, planes: Planes, name: str, values: NDArray[Any]) -> None:
         """Replace a plane by values, (H, W) or (H, W, 3)."""
 
-    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[np.float32]]]:
-        """Ask for planes and layers as they are after the passes so far; what is returned waits for them.
+    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[Any]]]:
+        """Ask for planes, layers and `IMAGE` as they are after the passes so far; what is returned waits for them.
 
         Between the two the backend takes the next frame.
         """
@@ -65,8 +65,8 @@ class Backend(Protocol):
     def scratch(self, name: str, planes: Planes, buffer: str) -> NDArray[np.uint32] | None:
         """What a pass that has just run left in one of its scratch buffers; None where it has no such buffers."""
 
-    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
-        """Planes and layers by name, (H, W) or (H, W, 3) float32."""
+    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Planes and layers by name, (H, W) or (H, W, 3) float32, and `IMAGE`, 8-bit sRGB of `rgb`, (H, W, 3) uint8."""
 
 
 def frame_arguments(frame: GBuffer, scene: Scene) -> dict[str, Any]:

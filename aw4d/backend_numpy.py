@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from aw4d.backend import Planes, Twin, check_names, frame_arguments, own_arguments
 from aw4d.gbuffer import GBuffer
 from aw4d.params import Params
-from aw4d.passes import EMPTY, PASSES, held_as
+from aw4d.passes import EMPTY, IMAGE, PASSES, held_as
 from aw4d.scene import Scene
+from reference_numpy.srgb8 import srgb8
 
 
 def _widen(value: Any) -> Any:
@@ -76,7 +77,7 @@ class NumpyBackend:
         assert isinstance(planes, NumpyPlanes)
         planes.arrays[name] = _widen(values)
 
-    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[np.float32]]]:
+    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[Any]]]:
         """All is there already."""
         found = self.download(planes, names)
         return lambda: found
@@ -88,10 +89,11 @@ class NumpyBackend:
         """Every pass is one function, which shares nothing."""
         return None
 
-    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
-        """Planes by name, rounded to float32."""
+    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Planes by name, rounded to float32, and the image, 8-bit."""
         assert isinstance(planes, NumpyPlanes)
-        return {name: planes.arrays[name].astype(np.float32) for name in names}
+        shown = srgb8(rgb=planes.arrays["rgb"]) if IMAGE in names else {}
+        return {name: shown[name] if name in shown else planes.arrays[name].astype(np.float32) for name in names}
 
     def download64(self, planes: NumpyPlanes, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Planes by name as they were computed, to measure other backends against."""

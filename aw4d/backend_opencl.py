@@ -19,7 +19,7 @@ from aw4d import opencl
 from aw4d.backend import Planes, Twin, check_names, frame_arguments, own_arguments, unwritable
 from aw4d.channels import by_pixels, write_planar
 from aw4d.errors import InputError, JobError
-from aw4d.gbuffer import PLANES, GBuffer
+from aw4d.gbuffer import GBuffer
 from aw4d.kernels import Kernel, build, cpu
 from aw4d.lights.light import balls, shapes
 from aw4d.params import CONVENTIONS, Params
@@ -30,12 +30,13 @@ from aw4d.passes import (
     EMPTY,
     GROUP_ITEMS,
     GROUPS,
+    IMAGE,
     PACK,
     PASSES,
     RECORD,
     SHARES,
+    SHOW,
     TILE,
-    WORKING,
     Stage,
     held_as,
     stages,
@@ -405,27 +406,32 @@ class OpenCLBackend:
         return values
 
     @_told
-    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[np.float32]]:
-        """Planes and layers by name, without their padding, (H, W) or (H, W, 3)."""
+    def download(self, planes: Planes, names: Sequence[str]) -> dict[str, NDArray[Any]]:
+        """Planes, layers and the image by name, without their padding, (H, W) or (H, W, 3)."""
         return self.fetch(planes, names)()
 
     @_told
-    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[np.float32]]]:
-        """Enqueue the copies of planes and layers; what is returned waits for them."""
+    def fetch(self, planes: Planes, names: Sequence[str]) -> Callable[[], dict[str, NDArray[Any]]]:
+        """Enqueue the copies of planes, layers and the image; what is returned waits for them."""
         assert isinstance(planes, OpenCLPlanes)
-        held = WORKING | {layer: n for entry in PASSES.values() for layer, n in entry.layers.items()}
-        copies: dict[str, tuple[NDArray[np.float32], Any]] = {}
+        if IMAGE in names:
+            self._show(planes)
+        copies: dict[str, tuple[NDArray[Any], Any]] = {}
         for name in names:
-            channels = held[name] if name in held else PLANES[name].channels
-            padded = np.empty((channels, planes.shape[0], planes.pitch), dtype=np.float32)
+            channels, dtype = held_as(name)
+            padded: NDArray[Any] = np.empty((channels, planes.shape[0], planes.pitch), dtype)
             copies[name] = padded, self._cl.enqueue_copy(self._queue, padded, planes.buffers[name], is_blocking=False)
         self._queue.flush()
         return partial(self._arrived, copies, planes.shape[1])
 
+    def _show(self, planes: OpenCLPlanes) -> None:
+        """Enqueue what makes the image of `rgb`."""
+        planes.buffers[IMAGE] = self._buffer(IMAGE, 3 * planes.plane)
+        for stage, kernel in zip(stages(SHOW), self._built(SHOW, layers=False), strict=True):
+            kernel.enqueue(self._queue, *self._size(stage, planes, 0), planes.buffers | planes.arguments)
+
     @_told
-    def _arrived(
-        self, copies: dict[str, tuple[NDArray[np.float32], Any]], width: int
-    ) -> dict[str, NDArray[np.float32]]:
+    def _arrived(self, copies: dict[str, tuple[NDArray[Any], Any]], width: int) -> dict[str, NDArray[Any]]:
         """What was copied from the device, without its padding."""
         out = {}
         for name, (padded, copied) in copies.items():
@@ -441,7 +447,7 @@ def _cores() -> int:
 
 def _with_layers(name: str, layers: Sequence[str]) -> bool:
     """Whether a pass gives any of the layers."""
-    return not PASSES[name].layers.keys().isdisjoint(layers)
+    return name != SHOW and not PASSES[name].layers.keys().isdisjoint(layers)
 
 
 def _planar(values: NDArray[Any], pitch: int) -> NDArray[Any]:

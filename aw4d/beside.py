@@ -23,7 +23,7 @@ from aw4d.backend_opencl import OpenCLBackend
 from aw4d.camera import Camera
 from aw4d.gbuffer import PLANES, GBuffer, Plane
 from aw4d.params import Params
-from aw4d.passes import WORKING
+from aw4d.passes import IMAGE, WORKING
 from aw4d.scene import Scene
 
 CODE = "from aw4d.beside import main; main()"  # what the second process runs
@@ -100,6 +100,7 @@ def compile_from_the_end(
     for name, channels in WORKING.items():  # what the passes before would have made
         shape = camera.shape if channels == 1 else (*camera.shape, channels)
         backend.put(frame, name, np.zeros(shape, np.float32))
+    backend.download(frame, [IMAGE])
     for name in reversed(list(passes)):
         backend.run(name, frame, passes[name])
         backend.finish()

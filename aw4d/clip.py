@@ -14,6 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import IO, Any
 
+import cv2
 import numpy as np
 import zarr
 import zarr.codecs
@@ -24,12 +25,13 @@ from aw4d.camera import Camera
 from aw4d.colour import decode_srgb8, encode_srgb8, look_up
 from aw4d.errors import InputError
 from aw4d.exchange import put
-from aw4d.gbuffer import PLANES, GBuffer, Plane, length2
+from aw4d.gbuffer import PLANES, GBuffer, Plane
 
 log = logging.getLogger("aw4d")
 FORMAT = "aw4d-clip"
 VERSION = 1
 SUFFIX_PARTIAL = ".partial"
+_ROWS = 32  # of normals that are decoded together
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,13 +58,19 @@ def _from_float16(v: Plane) -> Plane:
     return look_up(_OF_FLOAT16, v.view(np.uint16))
 
 
-def _snorm16() -> Stored:
-    def decode(v: Plane) -> Plane:
-        n = v.astype(np.float32)
-        n /= np.sqrt(length2(n))[..., None]
-        return n
+def _unit_vectors(v: Plane) -> Plane:
+    """Vectors (H, W, 3) at length 1; a few rows at a time, channel by channel: both stay in the cache."""
+    out = np.empty(v.shape, dtype=np.float32)
+    for first in range(0, len(v), _ROWS):
+        rows = slice(first, first + _ROWS)
+        x, y, z = (channel.astype(np.float32) for channel in cv2.split(v[rows]))
+        length = np.sqrt(x * x + y * y + z * z)
+        cv2.merge([x / length, y / length, z / length], out[rows])
+    return out
 
-    return Stored(dtype="int16", encode=lambda v: np.rint(v * 32767).astype(np.int16), decode=decode)
+
+def _snorm16() -> Stored:
+    return Stored(dtype="int16", encode=lambda v: np.rint(v * 32767).astype(np.int16), decode=_unit_vectors)
 
 
 def _unorm8() -> Stored:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from aw4d.backend import Backend
 from aw4d.clip import Clip
-from aw4d.colour import encode_srgb8
+from aw4d.colour import decode_srgb8, encode_srgb8
 from aw4d.io.images import write_png
 from aw4d.output import write_all, write_edit
 from aw4d.overlap import ahead
@@ -28,14 +28,15 @@ THUMB_WIDTH = 640  # [px]
 def _source(clip: Clip) -> Iterator[Frame]:
     for index in range(len(clip)):
         frame = clip.frame(index, ["rgb"])
-        yield Frame(index=index, time=frame.time, rgb=frame["rgb"], layers={})
+        yield Frame(index=index, time=frame.time, image=encode_srgb8(frame["rgb"]), layers={})
 
 
 def _thumb(frame: Frame, text: str) -> NDArray[np.uint8]:
     """A frame at thumbnail size, averaged in linear light, with a caption."""
-    height, width = frame.rgb.shape[:2]
+    height, width = frame.image.shape[:2]
     size = (THUMB_WIDTH, max(1, round(THUMB_WIDTH * height / width)))
-    image = encode_srgb8(np.asarray(cv2.resize(frame.rgb, size, interpolation=cv2.INTER_AREA), np.float32))
+    small = cv2.resize(decode_srgb8(frame.image), size, interpolation=cv2.INTER_AREA)
+    image = encode_srgb8(np.asarray(small, np.float32))
     (length, _), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.8, 1)
     image[:40, : length + 24] //= 3  # a dark plate: white letters must be read on fog and snow
     cv2.putText(image, text, (12, 28), cv2.FONT_HERSHEY_SIMPLEX, 0.8, (255, 255, 255), 1, cv2.LINE_AA)

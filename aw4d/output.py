@@ -219,7 +219,7 @@ def write_edit(
     first: list[float] = []
     layers = [*made.layers, EACH_LIGHT, LABELS] if layer_folder is not None else []
     with (
-        closing(ahead(frames_of(clip, made, backend, chosen, layers))) as frames,
+        closing(ahead(frames_of(clip, made, backend, chosen, layers, linear=kind == "exr"))) as frames,
         _open_layers(layer_folder, clip, chosen) as layer_sinks,
         _open_noted(out, clip.info.fps, kind) as (sink, note),
     ):

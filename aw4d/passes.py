@@ -89,13 +89,20 @@ class Pass:
 
 # Planes that one pass writes for another and no clip holds, with their number of channels.
 WORKING: dict[str, int] = {"direct": 3, "occlusion": 1, "puddle": 1, "snow_bare": 1, "snow_coverage": 1, "wetness": 1}
+# The picture as it is shown, 8-bit sRGB, and what makes it of "rgb" once all passes are done.
+IMAGE, SHOW = "image", "srgb8"
 # What a plane is taken for that nobody made, other than 0: the share of a surface that snow leaves bare.
 EMPTY: dict[str, float] = {"snow_bare": 1.0}
 
 
 def held_as(plane: str) -> tuple[int, type]:
-    """Channels and dtype of a plane."""
-    return (WORKING[plane], np.float32) if plane in WORKING else (PLANES[plane].channels, PLANES[plane].dtype)
+    """Channels and dtype of a plane, a layer or the image."""
+    if plane == IMAGE:
+        return 3, np.uint8
+    if plane in PLANES:
+        return PLANES[plane].channels, PLANES[plane].dtype
+    layers = {layer: channels for entry in PASSES.values() for layer, channels in entry.layers.items()}
+    return (WORKING | layers)[plane], np.float32
 
 
 def _tile_words(height: int, pitch: int, lights: int) -> int:
@@ -258,5 +265,5 @@ PASSES: dict[str, Pass] = {
 
 
 def stages(name: str) -> tuple[Stage, ...]:
-    """Kernels of a pass in order."""
-    return PASSES[name].stages or (Stage(kernel=name),)
+    """Kernels of a pass, or of what shows the picture, in order."""
+    return (name != SHOW and PASSES[name].stages) or (Stage(kernel=name),)

@@ -7,6 +7,7 @@ import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -227,13 +228,21 @@ def render(
 
 
 def begin(
-    backend: Backend, frame: GBuffer, made: Plan, index: int, layers: Sequence[str] = ()
-) -> Callable[[], dict[str, NDArray[np.float32]]]:
-    """Start on a frame; what is returned waits for what `render` gives. Between the two the next one can be begun."""
+    backend: Backend,
+    frame: GBuffer,
+    made: Plan,
+    index: int,
+    layers: Sequence[str] = (),
+    pictures: Sequence[str] = ("rgb",),
+) -> Callable[[], dict[str, NDArray[Any]]]:
+    """Start on a frame; what is returned waits for what `render` gives. Between the two the next one can be begun.
+
+    `pictures` are "rgb", scene-linear, and `IMAGE`, or one of both.
+    """
     planes = backend.upload(prepare(frame, made, index), made.scene(index), layers)
     for step in made.steps:
         backend.run(step.name, planes, step.params)
-    return backend.fetch(planes, ["rgb", *layers])
+    return backend.fetch(planes, [*pictures, *layers])
 
 
 def each_light(backend: Backend, frame: GBuffer, made: Plan, index: int) -> dict[str, NDArray[np.float32]]:

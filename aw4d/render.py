@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from aw4d.backend import Backend
 from aw4d.backend_numpy import NumpyBackend
 from aw4d.clip import Clip
-from aw4d.colour import LUMINANCE, encode_srgb8
+from aw4d.colour import LUMINANCE
 from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
 from aw4d.overlap import mapped_ahead
+from aw4d.passes import IMAGE, SHOW
 from aw4d.pipeline import Plan, before_grading, begin, check_layers, each_light, plan, render
 from aw4d.quality import DEFAULT_QUALITY
 from aw4d.weathers import nearest
@@ -36,17 +37,26 @@ EXPOSURE_FRAMES = 5  # from which a steady exposure is measured
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frame:
-    """One edited frame: scene-linear `rgb` (H, W, 3) float32, and layers by name: float32, masks bool, ids int32."""
+    """One edited frame: `image` (H, W, 3) 8-bit sRGB, and layers by name: float32, masks bool, ids int32."""
 
     index: int
     time: float
-    rgb: NDArray[np.float32]
+    image: NDArray[np.uint8]
     layers: dict[str, NDArray[Any]]
+    linear: NDArray[np.float32] | None = None
 
     @property
-    def image(self) -> NDArray[np.uint8]:
-        """The frame as 8-bit sRGB, (H, W, 3)."""
-        return encode_srgb8(self.rgb)
+    def rgb(self) -> NDArray[np.float32]:
+        """The frame scene-linear, (H, W, 3), 1 = display white; `edit` always gives it.
+
+        Raises
+        ------
+        ValueError
+            Only the image was asked for.
+        """
+        if self.linear is None:
+            raise ValueError("rgb: expected a frame that was asked for with linear=True, got its image alone")
+        return self.linear
 
 
 def open_backend(name: str = "auto", device: int | None = None) -> Backend:
@@ -77,11 +87,12 @@ def open_backend(name: str = "auto", device: int | None = None) -> Backend:
 
 
 def frames_of(
-    clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int], layers: Sequence[str] = ()
+    clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int], layers: Sequence[str] = (), *, linear: bool = True
 ) -> Iterator[Frame]:
     """Edited frames in the order asked for; the next ones are decoded while one is computed.
 
-    `layers` may name `EACH_LIGHT` too, the radiance of every local light alone, and `LABELS`.
+    `layers` may name `EACH_LIGHT` too, the radiance of every local light alone, and `LABELS`. With `linear` frames have
+    `rgb` beside their image: four times as many bytes.
     """
     own = [layer for layer in layers if layer not in (EACH_LIGHT, LABELS)]
     check_layers(made, own)
@@ -91,21 +102,22 @@ def frames_of(
     wanted = list(dict.fromkeys((*own, *depths)))
     _make_ready(backend, clip, made, wanted)
     made = with_clip_exposure(clip, made, backend)
-    for index, source, out in _rendered(clip, made, backend, chosen, read, wanted):
-        rgb = out.pop("rgb")
+    pictures = ["rgb"] * linear + [IMAGE]
+    for index, source, out in _rendered(clip, made, backend, chosen, read, wanted, pictures):
+        image, rgb = out.pop(IMAGE), out.pop("rgb", None)
         if EACH_LIGHT in layers:
             out |= each_light(backend, source, made, index)
         if LABELS in layers:
             edited = np.minimum.reduce([out[name] for name in depths])
             out = {name: plane for name, plane in out.items() if name in own or name not in depths}
             out |= {name: source[name] for name in labels} | {EDITED_DEPTH: edited}
-        yield Frame(index=index, time=source.time, rgb=rgb, layers=out)
+        yield Frame(index=index, time=source.time, image=image, layers=out, linear=rgb)
 
 
 def _make_ready(backend: Backend, clip: Clip, made: Plan, layers: Sequence[str]) -> None:
     """Begin with what takes time before passes first run."""
     passes = {step.name: step.params for step in made.steps}
-    backend.prepare(list(passes), layers)
+    backend.prepare([*passes, SHOW], layers)
     camera = clip.info.camera(0)
     if twin := backend.twin(list(passes), layers, camera.shape):
         from aw4d.beside import begin as begin_beside  # a run on NumPy must not need an OpenCL loader
@@ -114,12 +126,18 @@ def _make_ready(backend: Backend, clip: Clip, made: Plan, layers: Sequence[str])
 
 
 def _rendered(
-    clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int], read: Sequence[str], wanted: Sequence[str]
-) -> Iterator[tuple[int, GBuffer, dict[str, NDArray[np.float32]]]]:
+    clip: Clip,
+    made: Plan,
+    backend: Backend,
+    chosen: Sequence[int],
+    read: Sequence[str],
+    wanted: Sequence[str],
+    pictures: Sequence[str],
+) -> Iterator[tuple[int, GBuffer, dict[str, NDArray[Any]]]]:
     """Number, planes and results of every frame. A frame is begun before the one before it is waited for."""
-    begun: deque[tuple[int, GBuffer, Callable[[], dict[str, NDArray[np.float32]]]]] = deque()
+    begun: deque[tuple[int, GBuffer, Callable[[], dict[str, NDArray[Any]]]]] = deque()
     for index, source in zip(chosen, mapped_ahead(partial(clip.frame, planes=read), chosen), strict=True):
-        begun.append((index, source, begin(backend, source, made, index, wanted)))
+        begun.append((index, source, begin(backend, source, made, index, wanted, pictures)))
         if len(begun) > 1:
             first, source, wait = begun.popleft()
             yield first, source, wait()
@@ -178,7 +196,7 @@ def edit(
     Yields
     ------
     Frame
-        Scene-linear picture and layers.
+        The picture, scene-linear and 8-bit, and layers.
 
     Raises
     ------

@@ -201,6 +201,16 @@ def reflections(case: str) -> None:
                     assert np.isfinite(values).all(), name
 
 
+def show(name: str) -> None:
+    """The 8-bit picture at every width and odd sizes."""
+    for width in opencl.WIDTHS:
+        backend = OpenCLBackend(simulator().index, width)
+        for columns, rows in SIZES:
+            source = grade_inputs.frame(columns, rows)
+            planes = backend.upload(source, Scene(lights=in_camera([], source.camera)))
+            assert backend.download(planes, [name])[name].shape == (rows, columns, 3)
+
+
 def faulty(name: str) -> None:
     """A kernel with a fault, which must be reported."""
     cl = opencl.load()
@@ -223,6 +233,7 @@ if __name__ == "__main__":
         "ground": ground,
         "falling": falling,
         "one_tile": one_tile,
+        "show": show,
         "faulty": faulty,
         "reflections": reflections,
     }

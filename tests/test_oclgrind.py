@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from aw4d.passes import IMAGE
+
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -64,6 +66,10 @@ def test_reflections(oclgrind: str, case: str) -> None:
 @pytest.mark.parametrize("name", ["night_grade", "overcast_sky", "harmonize"])
 def test_grade(oclgrind: str, name: str) -> None:
     assert _findings(oclgrind, "grade", name) == ""
+
+
+def test_image(oclgrind: str) -> None:
+    assert _findings(oclgrind, "show", IMAGE) == ""
 
 
 @pytest.mark.parametrize("name", ["rain_streaks", "snow_fall"])

@@ -14,6 +14,7 @@ from aw4d.colour import encode_srgb8
 from aw4d.io.video import VideoWriter
 from aw4d.output import write_edit
 from aw4d.overlap import mapped_ahead
+from aw4d.passes import IMAGE
 from aw4d.pipeline import Plan, plan, prepare
 
 STAGES = ("decode", "prepare", "upload", "passes", "download", "encode")
@@ -92,9 +93,9 @@ def _stages(clip: Clip, made: Plan, chosen: Sequence[int], backend: OpenCLBacken
                 backend.run(step.name, planes, step.params)
             backend.finish()
             marks.append(time.perf_counter())
-            rgb = backend.download(planes, ["rgb"])["rgb"]
+            image = backend.download(planes, [IMAGE])[IMAGE]
             marks.append(time.perf_counter())
-            writer.write(encode_srgb8(rgb))
+            writer.write(image)
             marks.append(time.perf_counter())
             for stage, before, after in zip(STAGES, marks[:-1], marks[1:], strict=True):
                 took[stage] += (after - before) * (number > 0)
