@@ -22,6 +22,7 @@ from aw4d.errors import InputError, JobError
 from aw4d.gbuffer import GBuffer
 from aw4d.kernels import Kernel, build, cpu
 from aw4d.lights.light import balls, shapes
+from aw4d.pages import in_large_pages
 from aw4d.params import CONVENTIONS, Params
 from aw4d.passes import (
     BAND,
@@ -170,8 +171,8 @@ class OpenCLBackend:
         held = pool.get(name)
         if held is None or held.size < nbytes:
             try:
-                held = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, nbytes)
-            except self._cl.Error as error:
+                held = self._new_buffer(nbytes)
+            except (self._cl.Error, OSError) as error:
                 reason = opencl.first_error(error)
                 raise JobError(
                     f"{self.report.label}: no {nbytes / 1e6:.0f} MB for {name} beside {self._held():.0f} MB in use "
@@ -179,6 +180,13 @@ class OpenCLBackend:
                 ) from error
             pool[name] = held
         return held
+
+    def _new_buffer(self, nbytes: int) -> Any:
+        """A buffer; a CPU's in large pages."""
+        flags = self._cl.mem_flags
+        if self.report.kind == "cpu":
+            return self._cl.Buffer(self._context, flags.READ_WRITE | flags.USE_HOST_PTR, hostbuf=in_large_pages(nbytes))
+        return self._cl.Buffer(self._context, flags.READ_WRITE, nbytes)
 
     def _held(self) -> float:
         """Memory that the buffers take [MB]."""
@@ -265,11 +273,14 @@ class OpenCLBackend:
         planes.buffers[name] = self._to_device(name, _planar(values, planes.pitch))
 
     def keep(self, planes: OpenCLPlanes, names: Sequence[str]) -> dict[str, Any]:
-        """Copies of planes on the device, those that are there, for `restore`."""
+        """Copies of planes on the device, those that are there, for `restore`: of the frame, not of all that a buffer
+        has room for, which would empty the caches when it is brought back."""
         kept = {}
         for name in planes.buffers.keys() & set(names):
-            kept[name] = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, planes.buffers[name].size)
-            self._cl.enqueue_copy(self._queue, kept[name], planes.buffers[name])
+            channels, dtype = held_as(name)
+            nbytes = np.dtype(dtype).itemsize * channels * planes.plane
+            kept[name] = self._cl.Buffer(self._context, self._cl.mem_flags.READ_WRITE, nbytes)
+            self._cl.enqueue_copy(self._queue, kept[name], planes.buffers[name], byte_count=nbytes)
         return kept
 
     def restore(self, planes: OpenCLPlanes, kept: dict[str, Any]) -> None:
@@ -370,7 +381,9 @@ class OpenCLBackend:
             items = 1 if self.report.kind == "cpu" else GROUP_ITEMS
             return (items, min(GROUPS, height)), (items, 1)
         if stage.over == "tiles":
-            return (-(-width // TILE), -(-height // TILE)), None
+            columns = -(-width // TILE)
+            fits = self.report.kind == "cpu" and columns <= self.report.device.max_work_group_size
+            return (columns, -(-height // TILE)), (columns, 1) if fits else None
         if stage.over == "particles" and self.report.kind == "cpu":
             return (min(max(-(-count // self.width), 1), SHARES), 1), (1, 1)
         if stage.over == "particles":
