@@ -236,14 +236,15 @@ def edit(
     """Change the weather of a clip. A .json beside the output records what made it."""
     if out is None and (not explain or layers is not None):
         raise InputError("-o: expected a video (.mp4) or a folder of images to write; only --explain alone needs none")
-    from aw4d.age import process_age
-    from aw4d.clip import Clip, indices
-    from aw4d.output import check_target, write_edit
-    from aw4d.pipeline import plan
-    from aw4d.render import open_backend
+    with ThreadPoolExecutor(1) as beside:  # drivers start while modules are imported and lamps are sought
+        beside.submit(_start_drivers, backend, device)
+        from aw4d.age import process_age
+        from aw4d.clip import Clip, indices
+        from aw4d.output import check_target, write_edit
+        from aw4d.pipeline import plan
+        from aw4d.render import open_backend
 
-    opened = Clip(clip)
-    with ThreadPoolExecutor(1) as beside:  # a driver's first start and the search for lamps take half a second each
+        opened = Clip(clip)
         opening = beside.submit(open_backend, backend, device)
         made = plan(opened, weather, set_ or (), quality)
     chosen = indices(frames, len(opened))
@@ -268,6 +269,14 @@ def edit(
         started=time.perf_counter() - process_age(),
     )
     print(out)
+
+
+def _start_drivers(backend: str, device: int | None) -> None:
+    """Try devices as `open_backend` does, which finds them tried and says what is wrong with them."""
+    if backend != "numpy":
+        from aw4d import opencl
+
+        opencl.choose(device)
 
 
 def _explained(clip: Clip, made: Plan, backend: AnyBackend, chosen: Sequence[int]) -> dict[str, Any]:

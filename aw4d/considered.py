@@ -12,7 +12,7 @@ from aw4d.backend import Backend, Planes
 from aw4d.clip import Clip
 from aw4d.gbuffer import GBuffer
 from aw4d.params import ReflectionsParams
-from aw4d.pipeline import Plan, Step, prepare
+from aw4d.pipeline import Plan, Step, inputs
 from aw4d.scene import Scene
 
 
@@ -111,7 +111,7 @@ _COUNTED: dict[str, Callable[[_Frame], list[Count]]] = {
 
 def counts(clip: Clip, made: Plan, backend: Backend, index: int) -> list[Count]:
     """Run the steps on a frame and count after each."""
-    source, scene = prepare(clip.frame(index, made.planes), made, index), made.scene(index)
+    source, scene = inputs(clip.frame(index, made.planes), made, index)
     planes = backend.upload(source, scene)
     found: list[Count] = []
     for step in made.steps:

@@ -16,7 +16,7 @@ from aw4d.backend import Backend
 from aw4d.clip import Clip
 from aw4d.colour import srgb_codes
 from aw4d.considered import Count, counts
-from aw4d.pipeline import Plan, prepare, render
+from aw4d.pipeline import Plan, inputs, render
 from aw4d.quality import QUALITIES
 from aw4d.render import with_clip_exposure
 from aw4d.weathers import settings
@@ -82,7 +82,7 @@ def explain(clip: Clip, made: Plan, backend: Backend, chosen: Sequence[int]) -> 
 
 def _milliseconds(clip: Clip, made: Plan, backend: Backend, index: int) -> dict[str, float]:
     """Time of every pass [ms], each waited for. Kernels must have been built."""
-    planes = backend.upload(prepare(clip.frame(index, made.planes), made, index), made.scene(index))
+    planes = backend.upload(*inputs(clip.frame(index, made.planes), made, index))
     took = {}
     for step in made.steps:
         backend.finish()

@@ -217,6 +217,11 @@ def prepare(frame: GBuffer, made: Plan, index: int) -> GBuffer:
     return frame.only({"rgb", *(plane for step in made.steps for plane in PASSES[step.name].reads)})
 
 
+def inputs(frame: GBuffer, made: Plan, index: int) -> tuple[GBuffer, Scene]:
+    """What a backend takes of a frame of the clip: its planes as the steps take them, and what lights it."""
+    return prepare(frame, made, index), made.scene(index)
+
+
 def render(
     backend: Backend, frame: GBuffer, made: Plan, index: int, layers: Sequence[str] = ()
 ) -> dict[str, NDArray[np.float32]]:
@@ -224,22 +229,22 @@ def render(
 
     A pure function of clip, plan and index: any frame alone comes out as in the whole run.
     """
-    return begin(backend, frame, made, index, layers)()
+    return begin(backend, *inputs(frame, made, index), made, layers)()
 
 
 def begin(
     backend: Backend,
     frame: GBuffer,
+    scene: Scene,
     made: Plan,
-    index: int,
     layers: Sequence[str] = (),
     pictures: Sequence[str] = ("rgb",),
 ) -> Callable[[], dict[str, NDArray[Any]]]:
-    """Start on a frame; what is returned waits for what `render` gives. Between the two the next one can be begun.
+    """Start on what `inputs` gave; what is returned waits for what `render` gives. Until then the next can be begun.
 
     `pictures` are "rgb", scene-linear, and `IMAGE`, or one of both.
     """
-    planes = backend.upload(prepare(frame, made, index), made.scene(index), layers)
+    planes = backend.upload(frame, scene, layers)
     for step in made.steps:
         backend.run(step.name, planes, step.params)
     return backend.fetch(planes, [*pictures, *layers])

@@ -21,8 +21,9 @@ from aw4d.errors import InputError
 from aw4d.gbuffer import GBuffer
 from aw4d.overlap import mapped_ahead
 from aw4d.passes import IMAGE, SHOW
-from aw4d.pipeline import Plan, before_grading, begin, check_layers, each_light, plan, render
+from aw4d.pipeline import Plan, before_grading, begin, check_layers, each_light, inputs, plan, render
 from aw4d.quality import DEFAULT_QUALITY
+from aw4d.scene import Scene
 from aw4d.weathers import nearest
 
 log = logging.getLogger("aw4d")
@@ -136,13 +137,20 @@ def _rendered(
 ) -> Iterator[tuple[int, GBuffer, dict[str, NDArray[Any]]]]:
     """Number, planes and results of every frame. A frame is begun before the one before it is waited for."""
     begun: deque[tuple[int, GBuffer, Callable[[], dict[str, NDArray[Any]]]]] = deque()
-    for index, source in zip(chosen, mapped_ahead(partial(clip.frame, planes=read), chosen), strict=True):
-        begun.append((index, source, begin(backend, source, made, index, wanted, pictures)))
+    read_ahead = mapped_ahead(partial(_read, clip, made, read), chosen)
+    for index, (source, frame, scene) in zip(chosen, read_ahead, strict=True):
+        begun.append((index, source, begin(backend, frame, scene, made, wanted, pictures)))
         if len(begun) > 1:
             first, source, wait = begun.popleft()
             yield first, source, wait()
     for index, source, wait in begun:
         yield index, source, wait()
+
+
+def _read(clip: Clip, made: Plan, planes: Sequence[str], index: int) -> tuple[GBuffer, GBuffer, Scene]:
+    """A frame of the clip, and what a backend takes of it."""
+    source = clip.frame(index, planes)
+    return source, *inputs(source, made, index)
 
 
 def with_clip_exposure(clip: Clip, made: Plan, backend: Backend) -> Plan:

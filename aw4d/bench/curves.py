@@ -16,7 +16,7 @@ from aw4d.clip import Clip
 from aw4d.gbuffer import GBuffer
 from aw4d.params import FogParams, Params, SpotLightsParams
 from aw4d.passes import PASSES
-from aw4d.pipeline import Plan, plan, prepare
+from aw4d.pipeline import Plan, inputs, plan
 from aw4d.scene import Scene
 
 LIGHTS = (8, 64, 512)
@@ -120,7 +120,7 @@ def by_particles(clip: Clip, frame: GBuffer, index: int, backend: OpenCLBackend,
 
 def _alone(made: Plan, name: str, frame: GBuffer, index: int, backend: OpenCLBackend, runs: int) -> Timing:
     """Time of one pass of a plan on the frame as it was recorded."""
-    planes = backend.upload(prepare(frame, made, index), made.scene(index))
+    planes = backend.upload(*inputs(frame, made, index))
     (params,) = (step.params for step in made.steps if step.name == name)
     kept = backend.keep(planes, PASSES[name].writes)
 

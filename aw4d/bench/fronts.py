@@ -27,7 +27,7 @@ from aw4d.compare import error
 from aw4d.gbuffer import GBuffer
 from aw4d.params import AmbientParams, FogParams, ReflectionsParams
 from aw4d.passes import PASSES
-from aw4d.pipeline import Plan, plan, prepare
+from aw4d.pipeline import Plan, inputs, plan, prepare
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,7 +190,7 @@ def _run(
     made: Plan, name: str, frame: GBuffer, index: int, backend: OpenCLBackend, runs: int
 ) -> tuple[NDArray[Any], Timing]:
     """The pass' picture and its time, after all that comes before it."""
-    planes = backend.upload(prepare(frame, made, index), made.scene(index))
+    planes = backend.upload(*inputs(frame, made, index))
     before = _before(made, name)
     for step in before:
         backend.run(step.name, planes, step.params)
@@ -240,7 +240,7 @@ def _halved(frame: GBuffer) -> GBuffer:
 
 def half_planes(case: Case, backend: OpenCLBackend) -> list[HalfRow]:
     """What float16 planes would do to the passes; no pass reads them, so that there is no time."""
-    frame, scene = prepare(case.frame, case.made, case.index), case.made.scene(case.index)
+    frame, scene = inputs(case.frame, case.made, case.index)
     out = []
     planes = backend.upload(frame, scene)
     for step in case.made.steps:

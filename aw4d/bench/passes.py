@@ -16,7 +16,7 @@ from aw4d.bench.timing import Timing, timed, timing
 from aw4d.compare import VECTORS, error
 from aw4d.gbuffer import GBuffer
 from aw4d.passes import PASSES
-from aw4d.pipeline import Plan, Step, prepare
+from aw4d.pipeline import Plan, Step, inputs
 
 NUMPY = "numpy"
 # The weather in which each pass is measured: together they run all.
@@ -97,7 +97,7 @@ def measure(
 
     What NumPy gives, rounded, is what the next pass starts from; where NumPy is left out, what the first device gives.
     """
-    frame, scene = prepare(case.frame, case.made, case.index), case.made.scene(case.index)
+    frame, scene = inputs(case.frame, case.made, case.index)
     truth = NumpyBackend().upload(frame, scene)
     tried = [backend.upload(frame, scene) for backend in backends]
     rows: list[PassRow] = []

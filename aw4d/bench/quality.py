@@ -14,7 +14,7 @@ from aw4d.backend_opencl import OpenCLBackend
 from aw4d.bench.timing import timed
 from aw4d.clip import Clip
 from aw4d.colour import srgb_codes
-from aw4d.pipeline import Plan, plan, prepare, render
+from aw4d.pipeline import Plan, inputs, plan, render
 from aw4d.quality import QUALITIES
 
 WEATHERS = ("snow", "rain", "fog", "overcast", "dawn", "dusk", "night", "rain+night", "snow+fog", "fog+night")
@@ -73,7 +73,7 @@ def _picture(backend: OpenCLBackend, clip: Clip, made: Plan, index: int) -> NDAr
 
 def _milliseconds(backend: OpenCLBackend, clip: Clip, made: Plan, index: int, runs: int) -> float:
     """Median time of a frame's passes [ms], the frame being on the device."""
-    frame, scene = prepare(clip.frame(index, made.planes), made, index), made.scene(index)
+    frame, scene = inputs(clip.frame(index, made.planes), made, index)
     planes = backend.upload(frame, scene)
 
     def upload() -> None:

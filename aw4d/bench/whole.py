@@ -15,7 +15,7 @@ from aw4d.io.video import VideoWriter
 from aw4d.output import write_edit
 from aw4d.overlap import mapped_ahead
 from aw4d.passes import IMAGE
-from aw4d.pipeline import Plan, plan, prepare
+from aw4d.pipeline import Plan, inputs, plan
 
 STAGES = ("decode", "prepare", "upload", "passes", "download", "encode")
 
@@ -84,7 +84,7 @@ def _stages(clip: Clip, made: Plan, chosen: Sequence[int], backend: OpenCLBacken
             marks = [time.perf_counter()]
             source = clip.frame(index, made.planes)
             marks.append(time.perf_counter())
-            frame, scene = prepare(source, made, index), made.scene(index)
+            frame, scene = inputs(source, made, index)
             marks.append(time.perf_counter())
             planes = backend.upload(frame, scene)
             backend.finish()

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
 from functools import cache, lru_cache
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aw4d.environment import sky
+from aw4d import cache as on_disk
+from aw4d.environment import latlong, presets, sky, spectrum
 from aw4d.environment.latlong import directions, level_irradiance, solid_angles, towards
 from aw4d.environment.model import Environment
 from aw4d.environment.presets import PRESETS, Preset, clear_sky_lux, sun_lux
@@ -92,7 +94,12 @@ def analytic(preset: Preset, rotation_deg: float = 0.0) -> Environment:
 
 @cache
 def _daylight_balance() -> Array:
-    """Gains that make noon's light on a level surface grey."""
+    """Gains that make noon's light on a level surface grey; from disk, since every sky begins with them."""
+    key = [on_disk.source_of(sys.modules[__name__], sky, spectrum, latlong, presets)]
+    return on_disk.kept("daylight", key, lambda: {"balance": _noon_to_grey()})["balance"]
+
+
+def _noon_to_grey() -> Array:
     noon = _analytic(PRESETS["noon"], 0.0, np.ones(3))
     light = level_irradiance(noon.radiance) + noon.sun_irradiance * noon.sun_direction[1]
     return float(light @ LUMINANCE) / light
