@@ -192,6 +192,13 @@ __kernel void spot_lights(
     const int words = (light_count + 31) / 32;
     __global const uint *restrict reaching = tile_lights + words * (v / TILE * ((width + TILE - 1) / TILE) + u0 / TILE);
 
+    FETCH3(emissive + i, plane);
+    FETCH(depth + i);
+    FETCH3(normal + i, plane);
+    FETCH3(albedo + i, plane);
+    FETCH(roughness + i);
+    FETCH(metallic + i);
+    FETCH3_TO_CHANGE(direct + i, plane);
     floatw r = LOADW(emissive + i), g = LOADW(emissive + i + plane), b = LOADW(emissive + i + 2 * plane);
     const floatw z = LOADW(depth + i);
     const intw surface = !LOADMASKW(sky + i) & (z < INFINITY);

@@ -45,6 +45,12 @@ __kernel void wet_ground(
 {
     const int u0 = get_global_id(0) * W, v = get_global_id(1);
     const int i = v * pitch + u0, paper = convention == PAPER;
+    FETCH3_TO_CHANGE(albedo + i, plane);
+    FETCH_TO_CHANGE(roughness + i);
+    FETCH(metallic + i);
+    FETCH3(normal + i, plane);
+    FETCH(snow_bare + i);
+    FETCH_TO_CHANGE(wetness + i);
     const intw seen = LOADMASKW(sky + i) == 0;
     if (!ANYW(seen)) {
         STOREW((floatw)(0.0f), wetness + i);

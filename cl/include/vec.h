@@ -91,6 +91,23 @@ static inline floatw rsqrt_by_steps(const floatw x)
 #define RSQRTW(x) rsqrt_by_steps(x)
 #endif
 
+/* Asks for what a work-item of the same row reads, or changes, AHEAD pixels on. Processors find out by themselves what is read
+ * next, but anew on every page of memory, and of a dozen planes side by side late. GPUs hide the wait. */
+#define AHEAD 256
+#if W > 1 && defined(__has_builtin) && !defined(NO_FETCH)
+#if __has_builtin(__builtin_prefetch)
+#define FETCH(p) __builtin_prefetch((const void *)(uintptr_t)((p) + AHEAD))
+#define FETCH_TO_CHANGE(p) __builtin_prefetch((const void *)(uintptr_t)((p) + AHEAD), 1)
+#endif
+#endif
+#ifndef FETCH
+#define FETCH(p)
+#define FETCH_TO_CHANGE(p)
+#endif
+#define FETCH3(p, plane) do { FETCH(p); FETCH((p) + plane); FETCH((p) + 2 * plane); } while (0)
+#define FETCH3_TO_CHANGE(p, plane) \
+    do { FETCH_TO_CHANGE(p); FETCH_TO_CHANGE((p) + plane); FETCH_TO_CHANGE((p) + 2 * plane); } while (0)
+
 /* For functions with loops: what a kernel holds across one PoCL keeps in memory for every work-item of a group apart, more
  * than the cache; what a function holds is on the stack. */
 #if W == 1
