@@ -236,6 +236,7 @@ def edit(
     """Change the weather of a clip. A .json beside the output records what made it."""
     if out is None and (not explain or layers is not None):
         raise InputError("-o: expected a video (.mp4) or a folder of images to write; only --explain alone needs none")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # no product here is large, and its threads begin by spinning
     with ThreadPoolExecutor(1) as beside:  # drivers start while modules are imported and lamps are sought
         beside.submit(_start_drivers, backend, device)
         from aw4d.age import process_age

@@ -127,7 +127,8 @@ __kernel void puddles(
     const floatw du = (float)u0 + LANES - cx;
     const float dv = (float)v - cy;
     const Place at = places(du, dv, LOADW(depth + i), fx, fy, to_world, to_world_lo, eye, eye_lo);
-    const Sharp noise = fbm(at, block, cells, weight, octaves, seed);
+    const float dry = convention == PAPER ? -1.0f : level - 0.5f / steepness - 1e-5f; /* noise under which no water stands */
+    const Sharp noise = fbm(at, block, cells, weight, octaves, seed, SELECTW(here, dry, 2.0f));
     const floatw nx = LOADW(normal + i), ny = LOADW(normal + i + plane), nz = LOADW(normal + i + 2 * plane);
     Share under;
     if (convention == PAPER) {

@@ -45,13 +45,18 @@ static inline Sharp sharp_value_noise(const intw x, const intw z, const Sharp u,
     return sharp_sum(sharp_product(fw, step.hi, step.lo), near);
 }
 
-/* Octaves of value noise, each of twice as many cells as the one before and of its own weight. */
+/* Octaves of value noise, each of twice as many cells as the one before and of its own weight. Of no lane that can come to
+ * more than `least` the sum ends early, somewhere below it. */
 static inline Sharp fbm(
     const Place at, __global const int *restrict block, const int cells, __global const float *restrict weight,
-    const int octaves, const int seed)
+    const int octaves, const int seed, const floatw least)
 {
     Sharp sum = {0.0f, 0.0f};
-    for (int o = 0; o < octaves; o++) {
+    float rest = 0.0f; /* what the octaves to come can add: noise is less than 1 */
+    for (int o = 0; o < octaves; o++)
+        rest += weight[o];
+    for (int o = 0; o < octaves && ANYW(sum.hi + rest > least); o++) {
+        rest -= weight[o];
         Sharp u, w;
         const intw x = sharp_cells_of(at.x, block[0], cells << o, &u);
         const intw z = sharp_cells_of(at.z, block[2], cells << o, &w);
