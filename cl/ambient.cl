@@ -116,7 +116,7 @@ __kernel void ambient(
         const floatw rough = LOADW(roughness + i), metal = LOADW(metallic + i);
         const Facing s = facing(nx, ny, nz, -kx * inv, -ky * inv, -inv, rough);
         open = ambient_occlusion(
-            ambient_depth, nx, ny, nz, z, kx, ky, u0, v, width, height, pitch, fx, fy, occlusion_radius_m,
+            ambient_depth, surface, nx, ny, nz, z, kx, ky, u0, v, width, height, pitch, fx, fy, occlusion_radius_m,
             occlusion_slices, occlusion_steps);
 
         floatw X, Y, Z, Nx, Ny, Nz;

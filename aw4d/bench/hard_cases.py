@@ -127,6 +127,12 @@ def _near_and_far(source: GBuffer) -> dict[str, NDArray[Any]]:
     return {"depth": depth, "sky": np.zeros_like(source["sky"])}
 
 
+def _shafts(source: GBuffer) -> dict[str, NDArray[Any]]:
+    """Surfaces at the bottom of shafts: what is beside them all but reaches the eye."""
+    depth = np.where(np.random.default_rng(3).random(source["depth"].shape) < 0.4, 0.1, 1.7).astype(np.float32)
+    return {"depth": depth, "sky": np.zeros_like(source["sky"])}
+
+
 def _one_bright(source: GBuffer) -> dict[str, NDArray[Any]]:
     rgb = np.zeros_like(source["rgb"])
     rgb[rgb.shape[0] // 2, rgb.shape[1] // 2] = 1e5
@@ -224,7 +230,16 @@ def _depth() -> list[Case]:
         Case(family="depth", name=name, reads=("depth",), scenery=Scenery(planes=made)) for name, made in planes.items()
     ]
     up = Scenery(rotation=turned(0, 90, 0), planes=_near_and_far, params={"occlusion_radius_m": 100.0})
-    return [*cases, Case(family="depth", name="occluded from afar", steps=("ambient",), scenery=up)]
+    down = Scenery(
+        size=(17, 3),
+        rotation=turned(0, -90, 10),
+        planes=_shafts,
+        params={"occlusion_radius_m": 100.0, "occlusion_slices": 1},
+    )
+    occluded = {"occluded from afar": up, "occluded all but wholly": down}
+    return cases + [
+        Case(family="depth", name=name, steps=("ambient",), scenery=scenery) for name, scenery in occluded.items()
+    ]
 
 
 def _shape() -> list[Case]:
