@@ -56,6 +56,18 @@ def test_a_truncated_file_is_refused(radiance: Path, keep: int) -> None:
         read_radiance(radiance)
 
 
+@pytest.mark.parametrize("size", [b"-Y 1000000 +X 64\n", b"-Y 999999999999 +X 32000\n", b"-Y 99999999 +X 99999999\n"])
+def test_a_size_that_the_file_cannot_hold(radiance: Path, size: bytes) -> None:
+    radiance.write_bytes(radiance.read_bytes().replace(b"-Y 32 +X 64\n", size))
+    with pytest.raises(InputError, match=r"sky\.hdr"):
+        read_radiance(radiance)
+
+
+def test_an_evenly_coloured_map_is_read(tmp_path: Path) -> None:
+    assert cv2.imwrite(str(tmp_path / "a.hdr"), np.full((500, 1000, 3), 0.5, np.float32))  # in the longest runs
+    assert read_radiance(tmp_path / "a.hdr").shape == (500, 1000, 3)
+
+
 def test_other_files_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"\.hdr or \.exr"):
         read_radiance(tmp_path / "sky.png")

@@ -71,6 +71,30 @@ def test_png_with_a_false_size(tmp_path: Path) -> None:
         read_rgb(path)
 
 
+@pytest.mark.parametrize("side", [20_000, 65_000])
+@pytest.mark.parametrize("suffix", [".png", ".jpg"])
+def test_a_size_that_the_file_cannot_hold(tmp_path: Path, suffix: str, side: int) -> None:
+    path = tmp_path / f"a{suffix}"
+    data = bytearray(cv2.imencode(suffix, picture())[1].tobytes())
+    if suffix == ".png":
+        data[16:24] = 2 * side.to_bytes(4, "big")
+        data[29:33] = zlib.crc32(data[12:29]).to_bytes(4, "big")
+    else:
+        at = data.index(b"\xff\xc0") + 5
+        data[at : at + 4] = 2 * side.to_bytes(2, "big")
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=r"a\.(png|jpg)"):
+        read_rgb(path)
+
+
+@pytest.mark.parametrize("options", [[], [cv2.IMWRITE_JPEG_PROGRESSIVE, 1], [cv2.IMWRITE_JPEG_RST_INTERVAL, 2]])
+@pytest.mark.parametrize("shape", [(1, 1, 3), (2000, 3000, 3), (23, 37)])
+def test_the_smallest_jpegs_are_read(tmp_path: Path, shape: tuple[int, ...], options: list[int]) -> None:
+    data = cv2.imencode(".jpg", np.full(shape, 128, np.uint8), [cv2.IMWRITE_JPEG_QUALITY, 1, *options])[1]
+    (tmp_path / "a.jpg").write_bytes(data.tobytes())
+    assert read_rgb(tmp_path / "a.jpg").shape == (*shape[:2], 3)
+
+
 @pytest.mark.parametrize("kept", [0.0, 0.3, 0.6, 0.99])
 def test_truncated_jpeg(tmp_path: Path, kept: float) -> None:
     path = tmp_path / "a.jpg"

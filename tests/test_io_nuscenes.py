@@ -133,6 +133,30 @@ def test_lost_keys(sample: Path, key: str) -> None:
         open_nuscenes(sample)
 
 
+@pytest.mark.clip
+@pytest.mark.parametrize("count", [0, 3, -5, float("inf"), None])
+def test_returns_of_no_width(sample: Path, count: object) -> None:
+    (path,) = sample.glob("*.pkl")
+    info = read_plain_pickle(path)
+    info["data_list"][0]["lidar_points"]["num_pts_feats"] = count
+    path.write_bytes(pickle.dumps(info))
+    with pytest.raises(InputError, match=r"\.pkl"):
+        open_nuscenes(sample)
+
+
+@pytest.mark.clip
+@pytest.mark.parametrize(
+    "instances", [[5], [{}], [{"bbox_3d": [1, 2]}], [{"bbox_3d": [0.0] * 7, "bbox_label_3d": float("inf")}]]
+)
+def test_boxes_of_something_else(sample: Path, instances: list[object]) -> None:
+    (path,) = sample.glob("*.pkl")
+    info = read_plain_pickle(path)
+    info["data_list"][0]["instances"] = instances
+    path.write_bytes(pickle.dumps(info))
+    with pytest.raises(InputError, match="boxes of 7 numbers"):
+        open_nuscenes(sample)
+
+
 @pytest.mark.parametrize("data", [[], {}, {"data_list": [1]}, 5, {"metainfo": {"categories": {}}, "data_list": []}])
 def test_pickles_of_something_else(tmp_path: Path, data: object) -> None:
     (tmp_path / "a.pkl").write_bytes(pickle.dumps(data))

@@ -14,6 +14,7 @@ from aw4d.io.images import read_exr_plane
 
 _SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
 _RUNS = range(8, 2**15)  # widths for which the format has runs
+_LONGEST_RUN, _RUN_BYTES = 127, 2
 
 
 def read_radiance(path: Path) -> NDArray[np.float64]:
@@ -63,6 +64,8 @@ def _scanlines(data: bytes, height: int, width: int) -> NDArray[np.uint8]:
     """(H, W, 4) red, green, blue and exponent. Raises IndexError or ValueError where bytes are missing."""
     if width not in _RUNS or data[:2] != b"\2\2":
         return np.frombuffer(data, np.uint8, 4 * height * width).reshape(height, width, 4)
+    if len(data) < height * 4 * _RUN_BYTES * -(-width // _LONGEST_RUN):  # before a false size asks for memory
+        raise ValueError(height)
     out = np.empty((height, 4, width), np.uint8)
     at = 0
     for row in range(height):

@@ -21,6 +21,8 @@ PICTURES = PNG + JPEG
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _START_OF_SCAN, _END_OF_IMAGE = b"\xff\xda", b"\xff\xd9"
+_JPEG_FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}  # markers; the others are tables and an extension
+_JPEG_BLOCK = 32 * 32  # [px] that are coded together at most, and take a bit at least
 
 
 def _check_png(path: Path, data: bytes) -> None:
@@ -43,6 +45,20 @@ def _check_jpeg(path: Path, data: bytes) -> None:
     # A marker cannot occur inside entropy-coded data, so a scan without an end marker after it was cut off.
     if not data.startswith(b"\xff\xd8") or data.rfind(_END_OF_IMAGE) < data.rfind(_START_OF_SCAN):
         raise InputError(f"{path}: expected a whole JPEG image, got one that is truncated or another kind of file")
+    height, width = _jpeg_size(path, data)
+    if height * width > 8 * _JPEG_BLOCK * len(data):  # the decoder fills with grey whatever a false size asks for
+        raise InputError(f"{path}: expected {width} x {height} pixels, got a JPEG image of {len(data)} bytes")
+
+
+def _jpeg_size(path: Path, data: bytes) -> tuple[int, int]:
+    """Height and width [px] by the frame header, which lies before the scans. ITU-T T.81, annex B."""
+    at = 2
+    while at + 9 <= len(data) and data[at] == 0xFF:
+        marker = data[at + 1]
+        if marker in _JPEG_FRAMES:
+            return int.from_bytes(data[at + 5 : at + 7], "big"), int.from_bytes(data[at + 7 : at + 9], "big")
+        at += 1 if marker == 0xFF else 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    raise InputError(f"{path}: damaged JPEG: no header of a frame")
 
 
 def _decode(path: Path, flags: int) -> NDArray[Any]:
@@ -53,7 +69,10 @@ def _decode(path: Path, flags: int) -> NDArray[Any]:
         _check_jpeg(path, data)
     else:
         raise InputError(f"{path}: expected a PNG or JPEG image")
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error as error:  # a size beyond what OpenCV takes, or than there is memory for
+        raise InputError(f"{path}: cannot be decoded ({error.err})") from error
     if image is None:
         raise InputError(f"{path}: cannot be decoded")
     return np.asarray(image)

@@ -77,12 +77,20 @@ def _file(folder: Path, sensor: str, name: str) -> Path:
     raise InputError(f"{folder}: expected {name} in it or in samples/{sensor}, got no such file")
 
 
+def _features(value: Any) -> int:
+    """Numbers a return: x, y, z, intensity and more."""
+    features = int(value)
+    if features < 4:
+        raise ValueError(f"num_pts_feats: expected 4 or more, got {value}")
+    return features
+
+
 def _keyframe(folder: Path, sample: dict[str, Any]) -> _Keyframe:
     camera, lidar = sample["images"][CAMERA], sample["lidar_points"]
     return _Keyframe(
         image=_file(folder, CAMERA, Path(camera["img_path"]).name),
         scan=_file(folder, LIDAR, Path(lidar["lidar_path"]).name),
-        features=int(lidar["num_pts_feats"]),
+        features=_features(lidar["num_pts_feats"]),
         time=float(camera["timestamp"]),
         K=_matrix(camera["cam2img"], 3),
         lidar_to_camera=_rigid(camera["lidar2cam"]),
@@ -98,7 +106,7 @@ def _keyframes(folder: Path, path: Path) -> tuple[list[_Keyframe], dict[int, str
         return [_keyframe(folder, sample) for sample in info["data_list"]], names
     except InputError:
         raise
-    except (KeyError, TypeError, ValueError, AttributeError, np.linalg.LinAlgError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, np.linalg.LinAlgError) as error:
         raise InputError(
             f"{path}: expected a nuScenes info file with data_list, images, lidar_points and categories ({error!r})"
         ) from error
@@ -167,7 +175,7 @@ def open_nuscenes(folder: Path) -> Source:
     poses, origin = about_first(np.stack([keyframe.camera_to_world for keyframe in keyframes]))
     try:
         boxes = _boxes(keyframes, names, np.array(origin))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise InputError(f"{folder}: expected boxes of 7 numbers with a label ({error})") from error
     info = ClipInfo(
         name=infos[0].stem,
