@@ -15,7 +15,7 @@ from aw4d.backend_opencl import OpenCLBackend
 from aw4d.clip import Clip
 from aw4d.errors import InputError
 from aw4d.passes import PASSES
-from aw4d.pipeline import Plan, Step, prepare
+from aw4d.pipeline import Plan, Step, inputs
 
 BAR_P9999, BAR_MAX = 1e-5, 1e-4
 VECTORS = frozenset({"normal"})  # planes that are directions, not three numbers
@@ -72,8 +72,7 @@ def compare(clip: Clip, made: Plan, frames: Sequence[int]) -> list[Row]:
         raise InputError("compare: expected an OpenCL device to compare NumPy with, got none (see `aw4d doctor`)")
     worst: dict[tuple[str, str, str], tuple[float, float]] = {}
     for index in frames:
-        frame = prepare(clip.frame(index, made.planes), made, index)
-        scene = made.scene(index)
+        frame, scene = inputs(clip.frame(index, made.planes), made, index)
         reference = NumpyBackend()
         truth = reference.upload(frame, scene)
         tried = {name: backend.upload(frame, scene, list(made.layers)) for name, backend in backends.items()}

@@ -17,7 +17,7 @@ from aw4d.lights.faces import add_street_lamp_faces
 from aw4d.lights.light import Light, in_camera, read_lights, switched_on
 from aw4d.lights.poles import pole_lamps
 from aw4d.lights.street_lamps import street_lamps
-from aw4d.lights.vehicles import add_vehicle_faces, vehicle_lights
+from aw4d.lights.vehicles import add_vehicle_faces, at_lenses, vehicle_lights
 from aw4d.params import ExposureParams
 from aw4d.scene import Scene
 from aw4d.weathers import Settings
@@ -47,20 +47,23 @@ class Lighting:
     settings: Settings
     info: ClipInfo
 
-    def lights(self, index: int) -> list[Light]:
-        """All local lights of a frame."""
-        return [*self.standing, *self._moving(index)]
+    def lights(self, index: int, frame: GBuffer | None = None) -> list[Light]:
+        """All local lights of a frame; by its planes near tail lights are where it shows them."""
+        return [*self.standing, *self._moving(index, frame)]
 
-    def _moving(self, index: int) -> list[Light]:
+    def _moving(self, index: int, frame: GBuffer | None = None) -> list[Light]:
         """Lights of the vehicles that move."""
         if not self.settings.lights.vehicles:
             return []
-        found = vehicle_lights(self.info, index, self.settings.vehicle_lights, white_cd_m2=self.white_cd_m2)
+        own = self.settings.vehicle_lights
+        found = vehicle_lights(self.info, index, own, white_cd_m2=self.white_cd_m2)
+        if frame is not None and {"vehicle", "depth", "albedo"} <= frame.keys():
+            found = at_lenses(found, self.info, index, frame, own)
         return switched_on(found, self.settings.lights.off)
 
-    def scene(self, index: int, camera: Camera) -> Scene:
+    def scene(self, index: int, camera: Camera, frame: GBuffer | None = None) -> Scene:
         """What lights a frame, as the passes take it."""
-        return self._lit_by(self.lights(index), camera)
+        return self._lit_by(self.lights(index, frame), camera)
 
     def alone(self, light: Light, camera: Camera) -> Scene:
         """The same with one local light only."""

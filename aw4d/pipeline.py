@@ -69,10 +69,13 @@ class Plan:
     settings: Settings
     planes: tuple[str, ...]
 
-    def scene(self, index: int, alone: Light | None = None) -> Scene:
-        """What lights a frame, or one local light alone, and where the frame is in the world."""
+    def scene(self, index: int, frame: GBuffer | None = None, *, alone: Light | None = None) -> Scene:
+        """What lights a frame, or one local light alone, and where the frame is in the world.
+
+        Without the frame's planes near tail lights are where the boxes have them, not where the picture shows them.
+        """
         info, camera = self.lighting.info, self.lighting.info.camera(index)
-        lit = self.lighting.alone(alone, camera) if alone else self.lighting.scene(index, camera)
+        lit = self.lighting.alone(alone, camera) if alone else self.lighting.scene(index, camera, frame)
         passes = [step.name for step in self.steps]
         if "fog" in passes:
             lights = dataclasses.replace(lit.lights, light_air_floor=air_floor(lit.lights, camera, self.settings.fog))
@@ -219,7 +222,7 @@ def prepare(frame: GBuffer, made: Plan, index: int) -> GBuffer:
 
 def inputs(frame: GBuffer, made: Plan, index: int) -> tuple[GBuffer, Scene]:
     """What a backend takes of a frame of the clip: its planes as the steps take them, and what lights it."""
-    return prepare(frame, made, index), made.scene(index)
+    return prepare(frame, made, index), made.scene(index, frame)
 
 
 def render(
@@ -258,7 +261,7 @@ def each_light(backend: Backend, frame: GBuffer, made: Plan, index: int) -> dict
     ground = [before for before in made.steps if not {"rgb", "direct"} & set(PASSES[before.name].writes)]
     dark = frame.with_plane("emissive", np.zeros((*frame.camera.shape, 3), dtype=np.float32))
     out = {}
-    for light in made.lighting.lights(index):
+    for light in made.lighting.lights(index, frame):
         planes = backend.upload(dark, made.scene(index, alone=light))
         for before in ground:
             backend.run(before.name, planes, before.params)

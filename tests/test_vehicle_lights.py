@@ -14,7 +14,7 @@ from aw4d.clip import ClipInfo
 from aw4d.errors import InputError
 from aw4d.io.source import LEVEL
 from aw4d.lights.light import Light
-from aw4d.lights.vehicles import add_vehicle_faces, vehicle_lights, vehicle_speeds
+from aw4d.lights.vehicles import SETBACK, add_vehicle_faces, at_lenses, vehicle_lights, vehicle_speeds
 from aw4d.params import VehicleLightParams
 from reference_numpy.srgb import LUMINANCE
 
@@ -214,6 +214,46 @@ def test_a_near_tail_light_has_the_place_and_the_flux_of_its_lens() -> None:
     other = np.zeros((HEIGHT, WIDTH), bool)
     other[:, : column - 2 * half] = other[:, column + 2 * half :] = True
     assert not (changed & other).any(), "the other lamp's side has no lens: its disc stays"
+
+
+def _lens_above_a_lamp(z: float) -> tuple[ClipInfo, tuple[slice, slice]]:
+    """A car whose tail lights are z away, and a lens 0.2 m above where the box has one of them."""
+    info, _ = _tail_at(z)
+    light = next(light for light in vehicle_lights(info, 4, PARAMS, white_cd_m2=10.0) if "-tail-" in light.name)
+    camera = info.camera(4)
+    column, row, _ = camera.project(camera.to_camera(np.array(light.position) + np.array([0, 0.2, -SETBACK])))
+    half = 0.1 * FOCAL / z
+    rows, columns = (slice(round(at - half), round(at + half) + 1) for at in (float(row), float(column)))
+    return info, (rows, columns)
+
+
+def _moved(info: ClipInfo, z: float, **change: NDArray[np.generic]) -> dict[str, Array]:
+    """How far each light is moved to its lens [m], world."""
+    lights = vehicle_lights(info, 4, PARAMS, white_cd_m2=10.0)
+    found = at_lenses(lights, info, 4, _planes(z) | {"albedo": _red()} | change, PARAMS)
+    assert [light.name for light in found] == [light.name for light in lights]
+    return {a.name: np.subtract(b.position, a.position) for a, b in zip(lights, found, strict=True)}
+
+
+def test_a_near_tail_light_shines_from_its_lens() -> None:
+    """Here 0.2 m above where the box has it; the world's y is up."""
+    z = 4.0
+    info, lens = _lens_above_a_lamp(z)
+    moved = _moved(info, z, albedo=_red(lens))
+    (name,) = (name for name, by in moved.items() if by.any())
+    assert "-tail-" in name
+    np.testing.assert_allclose(moved[name], [0, 0.2, 0], atol=1.5 * z / FOCAL)
+    assert not any(by.any() for by in _moved(info, z).values()), "nothing is red"
+
+
+def test_a_light_moves_to_its_lens_without_a_jump() -> None:
+    steps = []
+    for z in np.arange(4.0, 12.0, 0.25):
+        info, lens = _lens_above_a_lamp(z)
+        steps.append(max(by[1] for by in _moved(info, z, albedo=_red(lens)).values()))
+    assert steps[0] > 0.15
+    assert steps[-1] == 0
+    assert np.abs(np.diff(steps)).max() < 0.05
 
 
 @pytest.mark.parametrize("z", [30.0, 90.0])

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -14,8 +15,8 @@ from aw4d.boxes import Box
 from aw4d.camera import Camera
 from aw4d.clip import ClipInfo
 from aw4d.errors import InputError
-from aw4d.lights.faces import add_disc
-from aw4d.lights.lenses import add_tail_face
+from aw4d.lights.faces import Shown, add_disc
+from aw4d.lights.lenses import add_tail_face, find_lens
 from aw4d.lights.light import Light, Vector
 from aw4d.lights.photometry import on_picture
 from aw4d.params import RGB, VehicleLightParams
@@ -261,7 +262,21 @@ def add_vehicle_faces(
     InputError
         A plane has another size than the clip.
     """
-    camera = info.camera(index)
+    camera, shown = info.camera(index), _shown(planes, info.camera(index))
+    for lamp in _lamps(info, index, params):
+        if lit is None or lamp.name in lit:
+            centre = _face_centre(lamp, camera)
+            radiance = _seen(lamp, centre, camera) * np.array(_face(lamp, params, white_cd_m2))
+            if radiance.any():
+                face = out, centre, params.radius_m, radiance.tolist(), camera, shown
+                if lamp.head or "albedo" not in planes:
+                    add_disc(*face)
+                else:
+                    add_tail_face(*face, planes["albedo"])
+
+
+def _shown(planes: Mapping[str, NDArray[np.generic]], camera: Camera) -> Shown:
+    """Where the surface of a vehicle is seen at about a depth [m]."""
     vehicle, depth = planes["vehicle"], planes["depth"]
     for name, plane in (("vehicle", vehicle), ("depth", depth)):
         if plane.shape != camera.shape:
@@ -271,16 +286,49 @@ def add_vehicle_faces(
         gap = depth[window].astype(np.float64) - z
         return np.asarray((vehicle[window] != 0) & (gap > -NEARER) & (gap < FARTHER), dtype=np.bool_)
 
+    return shown
+
+
+def _face_centre(lamp: _Lamp, camera: Camera) -> Array:
+    return camera.to_camera(lamp.position - SETBACK * lamp.facing)
+
+
+def at_lenses(
+    lights: Sequence[Light],
+    info: ClipInfo,
+    index: int,
+    planes: Mapping[str, NDArray[np.generic]],
+    params: VehicleLightParams,
+) -> list[Light]:
+    """Vehicles' lights, near tail lights moved to the lenses that the picture shows, as their faces are.
+
+    Parameters
+    ----------
+    lights
+        Those of `vehicle_lights`.
+    info, index, planes, params
+        As for `add_vehicle_faces`; `planes` has `albedo`.
+
+    Raises
+    ------
+    InputError
+        A plane has another size than the clip.
+    """
+    camera, shown = info.camera(index), _shown(planes, info.camera(index))
+    moves: dict[str, Array] = {}
     for lamp in _lamps(info, index, params):
-        if lit is None or lamp.name in lit:
-            centre = camera.to_camera(lamp.position - SETBACK * lamp.facing)
-            radiance = _seen(lamp, centre, camera) * np.array(_face(lamp, params, white_cd_m2))
-            if radiance.any():
-                face = out, centre, params.radius_m, radiance.tolist(), camera, shown
-                if lamp.head or "albedo" not in planes:
-                    add_disc(*face)
-                else:
-                    add_tail_face(*face, planes["albedo"])
+        centre = _face_centre(lamp, camera)
+        if lamp.head or not _seen(lamp, centre, camera):
+            continue
+        lens = find_lens(centre, params.radius_m, camera, shown, planes["albedo"])
+        if lens is not None:
+            moves[lamp.name] = camera.camera_to_world[:3, :3] @ (lens.weight * lens.offset)
+    return [
+        dataclasses.replace(light, position=_vector(np.asarray(light.position) + moves[light.name]))
+        if light.name in moves
+        else light
+        for light in lights
+    ]
 
 
 def _face(lamp: _Lamp, params: VehicleLightParams, white_cd_m2: float) -> RGB:
