@@ -126,7 +126,7 @@ static inline Incoming incoming(const Lights lights, const int l, const Surface 
     }
     in.nop = fma(a.facing.nx, in.px, fma(a.facing.ny, in.py, a.facing.nz * in.pz));
     in.NoL = fmax(in.nop, 0.0f) * in.inv;
-    if (ANYW(fabs(c) < NEAR_EDGE))
+    if (ANYW(fabs(c - 0.5f * NEAR_EDGE) < 0.501f * NEAR_EDGE)) /* outside, but for rounding, there is no light */
         c = beside_edge(lights, l, a, in.inv);
     const floatw root = clamp(c * shape[2], 0.0f, 1.0f) * reach;
     in.light = root * root * in.NoL;

@@ -22,6 +22,8 @@ static inline Frustum frustum(
     for (int v = v0; v < min(v0 + TILE, height); v++)
         for (int u = u0; u < min(u0 + TILE, pitch); u += W) {
             const int i = v * pitch + u;
+            FETCH(depth + i);
+            FETCH(sky + i);
             const floatw z = LOADW(depth + i);
             const intw none = LOADMASKW(sky + i);
             near = fmin(near, SELECTW(none, INFINITY, z));
