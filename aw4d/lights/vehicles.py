@@ -317,11 +317,11 @@ def at_lenses(
     camera, shown = info.camera(index), _shown(planes, info.camera(index))
     moves: dict[str, Array] = {}
     for lamp in _lamps(info, index, params):
-        centre = _face_centre(lamp, camera)
-        if lamp.head or not _seen(lamp, centre, camera):
+        if lamp.head:
             continue
+        centre = _face_centre(lamp, camera)
         lens = find_lens(centre, params.radius_m, camera, shown, planes["albedo"])
-        if lens is not None:
+        if lens is not None and _seen(lamp, centre, camera):
             moves[lamp.name] = camera.camera_to_world[:3, :3] @ (lens.weight * lens.offset)
     return [
         dataclasses.replace(light, position=_vector(np.asarray(light.position) + moves[light.name]))
