@@ -165,11 +165,19 @@ class _Lamp:
     head: bool
 
 
-def _lamps(info: ClipInfo, index: int, params: VehicleLightParams) -> Iterator[_Lamp]:
+def _lamps(info: ClipInfo, index: int, params: VehicleLightParams) -> tuple[_Lamp, ...]:
     """Lamps of the vehicles in a frame that move somewhere in the clip; one that waits keeps its lights on."""
-    for track, motion in _motions(info, params.window_s).items():
-        if motion.drives >= params.moving_m_s and (box := motion.box(index)) is not None:
-            yield from _box_lamps(box, motion.front, f"vehicle-{track}", params)
+    return _lamps_of(ClipKey(info), index, params)
+
+
+@lru_cache(maxsize=4)  # a frame's lights, their lenses and their faces ask for them
+def _lamps_of(key: ClipKey, index: int, params: VehicleLightParams) -> tuple[_Lamp, ...]:
+    return tuple(
+        lamp
+        for track, motion in _motions(key.info, params.window_s).items()
+        if motion.drives >= params.moving_m_s and (box := motion.box(index)) is not None
+        for lamp in _box_lamps(box, motion.front, f"vehicle-{track}", params)
+    )
 
 
 def _box_lamps(box: Box, front: int, name: str, params: VehicleLightParams) -> Iterator[_Lamp]:
