@@ -381,7 +381,7 @@ class OpenCLBackend:
             items = 1 if self.report.kind == "cpu" else GROUP_ITEMS
             return (items, min(GROUPS, height)), (items, 1)
         if stage.over == "tiles":
-            columns = -(-width // TILE)
+            columns = -(-width // (TILE * self.width))
             fits = self.report.kind == "cpu" and columns <= self.report.device.max_work_group_size
             return (columns, -(-height // TILE)), (columns, 1) if fits else None
         if stage.over == "particles" and self.report.kind == "cpu":

@@ -42,8 +42,8 @@ GROUPS, GROUP_ITEMS = 64, 64  # enough to fill a GPU and to balance a CPU's core
 class Stage:
     """One kernel of a pass, and what a work-item of it stands for.
 
-    "pixels": a vector of pixels of one row, over (pitch / W, height). "tiles": a square of TILE pixels, over
-    (ceil(width / TILE), ceil(height / TILE)). "one": a single work-item. "groups": work-groups of GROUP_ITEMS
+    "pixels": a vector of pixels of one row, over (pitch / W, height). "tiles": a vector of squares of TILE pixels,
+    over (ceil(width / TILE / W), ceil(height / TILE)). "one": a single work-item. "groups": work-groups of GROUP_ITEMS
     work-items that share the rows of the picture among them, GROUPS at most. "particles": a share of them, SHARES in
     all on a CPU, else a vector or less, in groups of GROUP_ITEMS. "packs": PACK vectors of them. "chunks": a share of
     them, CHUNKS in all. "strips": a vector of pixels in each of TILE rows, over (pitch / W, ceil(height / TILE)).

@@ -235,17 +235,17 @@ static inline floatw along_ray(
 /* No less than phase, S, W and 1 / r^2 of any ray of the bundle along its places from y0 to y1, integrated. */
 static inline floatw most_of(const Bundle b, const Met m, const Lamp lamp, const float g, const floatw y0, const floatw y1)
 {
-    const float D2 = m.D * m.D;
+    const floatw D2 = m.D * m.D;
     const floatw beside = clamp((floatw)0.0f, y0, y1), nearest = sqrt(fma(beside, beside, D2));
     const floatw off = fma(b.half_angle, m.t0 + y1, ROUNDING * (fabs(m.t0) + y1 - y0));
     const floatw r = nearest - off, inv = 1.0f / r;
     const floatw end = g > 0.0f ? -y0 : y1; /* where the phase function is highest */
-    const floatw cosine = fma(2.0f * off, inv, end / sqrt(fma(end, end, D2)) + b.half_angle);
+    const floatw cosine = fma(2.0f * off, inv, end * RSQRTW(fma(end, end, D2)) + b.half_angle);
     const floatw q = fma(-2.0f * fabs(g), fmin(cosine, 1.0f), fma(g, g, 1.0f));
     const floatw near = r * lamp.inv_reach, near2 = near * near;
     floatw light = fmax(fma(-near2, near2, 1.0f), 0.0f);
     if (lamp.cos_outer >= 0.0f) {
-        const floatw at = clamp((floatw)m.top, y0, y1);
+        const floatw at = clamp(m.top, y0, y1);
         const floatw over = fma(m.rise, at, m.h) - lamp.cos_outer * sqrt(fma(at, at, D2));
         light *= clamp(over * inv * lamp.inv_cone, 0.0f, 1.0f);
     }
@@ -253,21 +253,22 @@ static inline floatw most_of(const Bundle b, const Met m, const Lamp lamp, const
 }
 
 /* No less than the single scattering of a lamp of unit intensity along any ray of the bundle [1/(m sr)]. */
-static inline float most_glow(const Bundle b, const Lamp lamp, const float r_max, const float extinction, const float g)
+static inline floatw most_glow(const Bundle b, const Lamp lamp, const float r_max, const float extinction, const float g)
 {
     const Met m = met_by(b, lamp, r_max);
-    if (m.first >= m.last)
+    const intw met = m.first < m.last;
+    if (!ANYW(met))
         return 0.0f;
-    const float by_first = rsqrt(fma(m.first, m.first, m.D * m.D)), by_last = rsqrt(fma(m.last, m.last, m.D * m.D));
-    floatw total = 0.0f;
-    for (int i = 0; i < PIECES; i += W) {
-        const floatw from = ((float)i + LANES) * (1.0f / PIECES), to = ((float)i + 1.0f + LANES) * (1.0f / PIECES);
-        const floatw a0 = (1.0f - from) * by_first, a1 = (1.0f - to) * by_first;
-        const floatw b0 = from * by_last, b1 = to * by_last;
-        const floatw y0 = fma(a0, m.first, b0 * m.last) / (a0 + b0), y1 = fma(a1, m.first, b1 * m.last) / (a1 + b1);
+    const floatw by_first = RSQRTW(fma(m.first, m.first, m.D * m.D)), by_last = RSQRTW(fma(m.last, m.last, m.D * m.D));
+    floatw total = 0.0f, y0 = m.first;
+    for (int i = 1; i <= PIECES; i++) {
+        const float along = i * (1.0f / PIECES);
+        const floatw a = (1.0f - along) * by_first, b1 = along * by_last, y1 = fma(a, m.first, b1 * m.last) / (a + b1);
         total += most_of(b, m, lamp, g, y0, y1);
+        y0 = y1;
     }
-    return 1.01f * phase_scale(g) * exp(-extinction * length((float3)(lamp.px, lamp.py, lamp.pz))) * SUMW(total);
+    const float faded = 1.01f * phase_scale(g) * exp(-extinction * length((float3)(lamp.px, lamp.py, lamp.pz)));
+    return SELECTW(met, faded * total, 0.0f);
 }
 
 /* Whether what a lamp sends to the eye, by however short a way, fades to under 1e-40: exp_negative ends at 1e-38. */
@@ -280,7 +281,7 @@ __kernel void fog_tiles(
     __global const float *restrict depth,               /* [m] */
     __global const uchar *restrict sky,
     __global uint *restrict tile_lights,                /* a bit a light, (light_count + 31) / 32 words a tile */
-    const int height, const int pitch,                  /* [px] */
+    const int width, const int height, const int pitch, /* [px] */
     const float fx, const float fy, const float cx, const float cy,  /* [px] */
     const int light_count,
     __global const int *restrict light_kind,
@@ -297,24 +298,25 @@ __kernel void fog_tiles(
     const int convention)
 {
     const float extinction = alpha * (sigma_s + sigma_a);
-    const int words = (light_count + 31) / 32;
-    __global uint *restrict out = tile_lights + words * (get_global_id(1) * get_global_size(0) + get_global_id(0));
-    Frustum tile = frustum(
-        depth, sky, extent_m, pitch, height, get_global_id(0) * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
-    tile.near = 0.0f; /* the air before the surfaces is lit, too */
-    const Bundle rays = bundle(tile);
+    const int words = (light_count + 31) / 32, columns = (width + TILE - 1) / TILE, first = get_global_id(0) * W;
+    __global uint *restrict row = tile_lights + words * columns * get_global_id(1);
+    Frusta tiles = frusta(depth, sky, extent_m, pitch, height, first * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
+    tiles.near = 0.0f; /* the air before the surfaces is lit, too */
+    const Bundle rays = bundle(tiles);
     for (int word = 0; word < words; word++) {
-        uint bits = 0;
-        for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1) {
-            const int l = lowest(word, met);
+        uintw bits = 0;
+        for (int l = 32 * word; l < min(32 * word + 32, light_count); l++) {
+            intw lit = meets(tiles, vload4(l, light_ball));
             const bool placed = light_kind[l] != DIRECTIONAL && convention != PAPER;
-            const Lamp source = lamp(l, light_position, light_direction, light_shape);
-            const bool unlit = light_air_floor[l] == INFINITY
-                || (placed && (fades_out(vload3(l, light_position), extinction)
-                    || most_glow(rays, source, light_r_max[l], extinction, g) <= light_air_floor[l]));
-            bits |= unlit ? 0u : met & -met;
+            if (!ANYW(lit) || light_air_floor[l] == INFINITY || (placed && fades_out(vload3(l, light_position), extinction)))
+                continue;
+            if (placed) {
+                const Lamp source = lamp(l, light_position, light_direction, light_shape);
+                lit &= !(most_glow(rays, source, light_r_max[l], extinction, g) <= light_air_floor[l]);
+            }
+            bits |= bit_of(l, lit);
         }
-        out[word] = bits;
+        store_word(bits, row, first, columns, word, words);
     }
 }
 

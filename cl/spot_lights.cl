@@ -12,18 +12,18 @@
 #define PAPER 1          /* convention */
 #define NEAR_EDGE 0.04f  /* of a cone's edge, as a cosine: nearer, its digits are saved */
 
-/* Whether some surface of a tile, none nearer than `near`, may be in a lamp's reach and cone. */
-static inline bool meets_surfaces(const Bundle rays, const float near, const Lamp lamp, const float r_max)
+/* Where some surface of a tile, none nearer than `near`, may be in a lamp's reach and cone. */
+static inline intw meets_surfaces(const Bundle rays, const floatw near, const Lamp lamp, const float r_max)
 {
     const Met m = met_by(rays, lamp, r_max);
-    return m.first <= m.last && m.last >= near * (1.0f - ROUNDING) - m.t0 - ROUNDING * fabs(m.t0);
+    return (m.first <= m.last) & (m.last >= near * (1.0f - ROUNDING) - m.t0 - ROUNDING * fabs(m.t0));
 }
 
 __kernel void spot_lights_tiles(
     __global const float *restrict depth,               /* [m] */
     __global const uchar *restrict sky,
     __global uint *restrict tile_lights,                /* a bit a light, (light_count + 31) / 32 words a tile */
-    const int height, const int pitch,                  /* [px] */
+    const int width, const int height, const int pitch, /* [px] */
     const float fx, const float fy, const float cx, const float cy,  /* [px] */
     const int light_count,
     __global const int *restrict light_kind,
@@ -33,20 +33,19 @@ __kernel void spot_lights_tiles(
     __global const float *restrict light_shape,
     __global const float *restrict light_ball)          /* [m] centre and radius of what a lamp can light */
 {
-    const int words = (light_count + 31) / 32;
-    __global uint *restrict out = tile_lights + words * (get_global_id(1) * get_global_size(0) + get_global_id(0));
-    const Frustum tile = frustum(
-        depth, sky, -INFINITY, pitch, height, get_global_id(0) * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
-    const Bundle rays = bundle(tile);
+    const int words = (light_count + 31) / 32, columns = (width + TILE - 1) / TILE, first = get_global_id(0) * W;
+    __global uint *restrict row = tile_lights + words * columns * get_global_id(1);
+    const Frusta tiles = frusta(depth, sky, -INFINITY, pitch, height, first * TILE, get_global_id(1) * TILE, fx, fy, cx, cy);
+    const Bundle rays = bundle(tiles);
     for (int word = 0; word < words; word++) {
-        uint bits = 0;
-        for (uint met = meeting(tile, word, light_count, light_ball); met; met &= met - 1) {
-            const int l = lowest(word, met);
-            const bool lit = light_kind[l] == DIRECTIONAL
-                || meets_surfaces(rays, tile.near, lamp(l, light_position, light_direction, light_shape), light_r_max[l]);
-            bits |= lit ? met & -met : 0u;
+        uintw bits = 0;
+        for (int l = 32 * word; l < min(32 * word + 32, light_count); l++) {
+            intw lit = meets(tiles, vload4(l, light_ball));
+            if (light_kind[l] != DIRECTIONAL && ANYW(lit))
+                lit &= meets_surfaces(rays, tiles.near, lamp(l, light_position, light_direction, light_shape), light_r_max[l]);
+            bits |= bit_of(l, lit);
         }
-        out[word] = bits;
+        store_word(bits, row, first, columns, word, words);
     }
 }
 

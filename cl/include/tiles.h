@@ -6,17 +6,15 @@
 
 #define SLACK 1e-3f      /* covers rounding */
 
-/* A tile's frustum: x = k z at its sides, depths [m]. */
+/* W tiles side by side, a lane each: their frusta, x = k z at the sides, depths [m]. */
 typedef struct {
-    float left, right, top, bottom, near, far;
-} Frustum;
+    floatw left, right, top, bottom, near, far;
+} Frusta;
 
-/* Of the tile whose first pixel is (u0, v0), between the nearest and the farthest surface; pixels of the sky reach to
- * `sky_far`. Nothing but sky: near > far, if sky_far is -INFINITY. */
-static inline Frustum frustum(
+/* Nearest and farthest surface of the tile whose first pixel is (u0, v0); pixels of the sky reach to `sky_far`. */
+static inline void depths_of(
     __global const float *restrict depth, __global const uchar *restrict sky, const float sky_far,
-    const int pitch, const int height, const int u0, const int v0,
-    const float fx, const float fy, const float cx, const float cy)
+    const int pitch, const int height, const int u0, const int v0, float *nearest, float *farthest)
 {
     floatw near = INFINITY, far = -INFINITY;
     for (int v = v0; v < min(v0 + TILE, height); v++)
@@ -26,37 +24,59 @@ static inline Frustum frustum(
             FETCH(sky + i);
             const floatw z = LOADW(depth + i);
             const intw none = LOADMASKW(sky + i);
-            near = fmin(near, SELECTW(none, INFINITY, z));
-            far = fmax(far, SELECTW(none, sky_far, z));
+            near = min(near, SELECTW(none, INFINITY, z));
+            far = max(far, SELECTW(none, sky_far, z));
         }
-    Frustum a;
-    a.left = (u0 - cx) / fx; a.right = (u0 + TILE - 1 - cx) / fx;
+    *nearest = MINW(near);
+    *farthest = MAXW(far);
+}
+
+/* Of the tiles whose first pixels are (u0, v0) and each TILE pixels on. Nothing but sky: near > far, if sky_far is -INFINITY;
+ * a tile outside the picture, too. */
+static inline Frusta frusta(
+    __global const float *restrict depth, __global const uchar *restrict sky, const float sky_far,
+    const int pitch, const int height, const int u0, const int v0,
+    const float fx, const float fy, const float cx, const float cy)
+{
+    float near[W], far[W];
+    for (int j = 0; j < W; j++)
+        depths_of(depth, sky, sky_far, pitch, height, u0 + j * TILE, v0, near + j, far + j);
+    const floatw u = (float)u0 + (float)TILE * LANES;
+    Frusta a;
+    a.left = (u - cx) / fx; a.right = (u + (float)(TILE - 1) - cx) / fx;
     a.top = (v0 - cy) / fy; a.bottom = (v0 + TILE - 1 - cy) / fy;
-    a.near = MINW(near); a.far = MAXW(far);
+    a.near = LOADW(near); a.far = LOADW(far);
     return a;
 }
 
-/* Whether a ball reaches beyond the plane through the eye that holds all x = k z, on the side where sign (x - k z) > 0. */
-static inline bool beyond(const float x, const float z, const float radius, const float k, const float sign)
+/* Where a ball reaches beyond the plane through the eye that holds all x = k z, on the side where sign (x - k z) > 0. */
+static inline intw beyond(const float x, const float z, const float radius, const floatw k, const float sign)
 {
-    return sign * (x - k * z) > radius * sqrt(1.0f + k * k);
+    return sign * (x - k * z) > radius * sqrt(fma(k, k, 1.0f));
 }
 
-static inline bool meets(const Frustum a, const float4 ball)
+static inline intw meets(const Frusta a, const float4 ball)
 {
     const float radius = ball.w + SLACK * (ball.w + fabs(ball.z));
-    return !(ball.z + radius < a.near || ball.z - radius > a.far || a.near > a.far
-        || beyond(ball.x, ball.z, radius, a.left, -1.0f) || beyond(ball.x, ball.z, radius, a.right, 1.0f)
-        || beyond(ball.y, ball.z, radius, a.top, -1.0f) || beyond(ball.y, ball.z, radius, a.bottom, 1.0f));
+    return !((ball.z + radius < a.near) | (ball.z - radius > a.far) | (a.near > a.far)
+        | beyond(ball.x, ball.z, radius, a.left, -1.0f) | beyond(ball.x, ball.z, radius, a.right, 1.0f)
+        | beyond(ball.y, ball.z, radius, a.top, -1.0f) | beyond(ball.y, ball.z, radius, a.bottom, 1.0f));
 }
 
-/* Bits of the 32 lights from number 32 * word on. */
-static inline uint meeting(const Frustum a, const int word, const int light_count, __global const float *restrict light_ball)
+/* The bit of light l in its word, for the tiles that it reaches. */
+static inline uintw bit_of(const int l, const intw reaches)
 {
-    uint bits = 0;
-    for (int l = 32 * word; l < min(32 * word + 32, light_count); l++)
-        bits |= meets(a, vload4(l, light_ball)) ? 1u << (l - 32 * word) : 0u;
-    return bits;
+    return select((uintw)(0u), (uintw)(1u << (l % 32)), reaches);
+}
+
+/* Writes a word of the tiles that begin at column `first` of a row of `columns`. */
+static inline void store_word(
+    const uintw bits, __global uint *restrict row, const int first, const int columns, const int word, const int words)
+{
+    uint each[W];
+    STOREW(bits, each);
+    for (int j = 0; j < min(W, columns - first); j++)
+        row[words * (first + j) + word] = each[j];
 }
 
 /* The number of the lowest light of a word's bits. */
