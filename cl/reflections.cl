@@ -19,6 +19,7 @@
 #define HIDDEN_M 4.0f
 #define GROUND_M 0.03f
 #define GROUND_SLOPE 0.01f
+#define SLACK 1e-3f      /* [1] far more than rounding */
 #define NOTHING 1e6f     /* [m] depth of the sky */
 
 /* What stays the same on the whole walk. */
@@ -26,7 +27,8 @@ typedef struct {
     __global const float *pixels, *means;
     int width, height;           /* [px] */
     int row, apart;              /* [px] from one row of `pixels` to the next, and from depth to red, green, blue */
-    int v;                       /* [px] row of the mirroring pixels */
+    int u, v;                    /* [px] first of the mirroring pixels */
+    float lean;                  /* [px] to the right, a row down: in the middle of the lines' */
     float inv_fy;
     float inv_edge_v;            /* [1/px] */
     float reach_m, inv_reach_fade, thickness_m;
@@ -39,22 +41,39 @@ typedef struct {
     floatw pixel, width;         /* [m] a pixel there, half the lobe's width */
 } Seen;
 
-/* A share of the lobe or of a pixel and what it leaves of 1: next to the whole that needs digits of its own. */
+/* A share of the lobe or of a pixel and what it leaves of 1: next to the whole that needs digits of its own. The layer alone
+ * shows it. */
 typedef struct {
-    floatw share, left;
+    floatw share;
+#ifdef LAYERS
+    floatw left;
+#endif
 } Part;
+#ifdef LAYERS
+#define PART(share, left) {share, left}
+#else
+#define PART(share, left) {share}
+#endif
 
 /* How much two columns side by side count, what the picture's borders leave, and how near the line is to the right one. */
 typedef struct {
-    floatw left, right, outside, to_right;
+    floatw left, right, to_right;
+#ifdef LAYERS
+    floatw outside;
+#endif
 } Columns;
+
+/* Columns of a row, most often side by side. */
+typedef struct {
+    int first;                   /* [px] a lane's is this, its number, */
+    intw off;                    /* [px] and so many more */
+    int most;                    /* [px] which are no more than that to either side; 2: any number */
+} Place;
 
 /* Two pixels of a row side by side and, between them, what they show of things. */
 typedef struct {
-    intw x;                      /* [px] column of the left one */
+    Place at;                    /* of the left one */
     int row;                     /* [px] how far up */
-    int any;                     /* whether there may be some; else nothing more is said */
-    int together;                /* whether those of the whole vector lie side by side */
     Part lobe;                   /* its share below the things */
     floatw left, right, hidden;  /* parts of what is below whose light comes from each, and that hides the rays */
     floatw wide;                 /* [px] half the lobe's width, less a pixel */
@@ -71,77 +90,89 @@ typedef struct {
 } Pair;
 
 #if W == 1
-#define FIRST(x) (x)
 #define LAST(x) (x)
-static inline Pair pick(__global const float *restrict p, const int x, const int together)
+#define NUMBERS 0
+INLINE Pair pick(__global const float *restrict p, const Place *at)
 {
-    const Pair s = {p[x], p[x + 1]};
+    const Pair s = {p[at->first + at->off], p[at->first + at->off + 1]};
     return s;
 }
 #else
-#define FIRST(x) (x).s0
 #if W == 4
 #define LAST(x) (x).s3
+#define NUMBERS ((intw)(0, 1, 2, 3))
 #elif W == 8
 #define LAST(x) (x).s7
+#define NUMBERS ((intw)(0, 1, 2, 3, 4, 5, 6, 7))
 #else
 #define LAST(x) (x).sf
+#define NUMBERS ((intw)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
 #endif
-/* From columns that may lie side by side: on level ground they all but always do. Else four lanes at a time, as in
- * gather.h. */
-static inline Pair pick(__global const float *restrict p, const intw x, const int together)
+/* On level ground columns all but always lie side by side; ripples tilt it a column to either side of that. Else four lanes
+ * at a time, as in gather.h. */
+INLINE Pair pick(__global const float *restrict p, const Place *at)
 {
-    if (together) {
-        const Pair s = {LOADW(p + x.s0), LOADW(p + x.s0 + 1)};
+    Pair s;
+    __global const float *restrict q = p + at->first;
+    if (at->most == 0) {
+        s.left = LOADW(q);
+        s.right = LOADW(q + 1);
+        return s;
+    }
+    if (at->most == 1) {
+        const floatw a = LOADW(q - 1), b = LOADW(q), c = LOADW(q + 1), d = LOADW(q + 2);
+        s.left = SELECTW(at->off < 0, a, SELECTW(at->off > 0, c, b));
+        s.right = SELECTW(at->off < 0, b, SELECTW(at->off > 0, d, c));
         return s;
     }
     int from[W];
     float two[8], left[W], right[W];
-    STOREW(x, from);
+    STOREW(at->off + at->first + NUMBERS, from);
     #pragma unroll
     for (int k = 0; k < W / 4; k++) {
         #pragma unroll
         for (int j = 0; j < 4; j++)
             vstore2(vload2(0, p + from[4 * k + j]), j, two);
-        const float8 q = vload8(0, two);
-        vstore4(q.even, k, left);
-        vstore4(q.odd, k, right);
+        const float8 t = vload8(0, two);
+        vstore4(t.even, k, left);
+        vstore4(t.odd, k, right);
     }
-    const Pair s = {JOIN(vload, W)(0, left), JOIN(vload, W)(0, right)};
+    s.left = LOADW(left);
+    s.right = LOADW(right);
     return s;
 }
 #endif
 
-static inline floatw ramp(const floatw x)
+INLINE floatw ramp(const floatw x)
 {
     return clamp(x, 0.0f, 1.0f);
 }
 
-static inline Part larger(const Part a, const Part b)
+INLINE Part larger(const Part a, const Part b)
 {
-    const Part p = {fmax(a.share, b.share), fmin(a.left, b.left)};
+    const Part p = PART(max(a.share, b.share), min(a.left, b.left));
     return p;
 }
 
-static inline Part smaller(const Part a, const Part b)
+INLINE Part smaller(const Part a, const Part b)
 {
-    const Part p = {fmin(a.share, b.share), fmax(a.left, b.left)};
+    const Part p = PART(min(a.share, b.share), max(a.left, b.left));
     return p;
 }
 
 /* How much larger `b` is. What is left is known where the layer is asked for, which shows the least of it. */
-static inline floatw gain(const Part a, const Part b)
+INLINE floatw gain(const Part a, const Part b)
 {
 #ifdef LAYERS
-    return fmax(SELECTW(a.share > 0.5f, a.left - b.left, b.share - a.share), 0.0f);
+    return max(SELECTW(a.share > 0.5f, a.left - b.left, b.share - a.share), 0.0f);
 #else
-    return fmax(b.share - a.share, 0.0f);
+    return max(b.share - a.share, 0.0f);
 #endif
 }
 
 /* A row of the copy and of the means is a tile longer than the picture's: it ends with its last pixel once more, since pixels
  * are looked up in pairs. */
-static inline void write_row(__global float *restrict to, const floatw x, const int last)
+INLINE void write_row(__global float *restrict to, const floatw x, const int last)
 {
     STOREW(x, to);
     if (last)
@@ -190,11 +221,11 @@ __kernel void reflections_pixels(
     }
 }
 
-static inline Seen seen(const Walk *k, const Mirrored *m, const floatw z, const Sharp over, const Sharp above)
+INLINE Seen seen(const Walk *k, const Mirrored *m, const floatw z, const Sharp over, const Sharp above)
 {
     Seen p;
     p.ahead = z - m->Z0;
-    p.t = fmax(p.ahead, 0.0f) * m->inv_Lz;
+    p.t = max(p.ahead, 0.0f) * m->inv_Lz;
     p.h = height(&m->over, over, z);
     p.q = height(&m->above, above, z);
     p.pixel = z * k->inv_fy;
@@ -203,149 +234,177 @@ static inline Seen seen(const Walk *k, const Mirrored *m, const floatw z, const 
 }
 
 /* Whether something may cover: neither ground nor out of reach. */
-static inline intw stands_out(const Walk *k, const Seen *p)
+INLINE intw stands_out(const Walk *k, const Seen *p)
 {
     return (p->h > GROUND_M) & (p->ahead > 0.0f) & (p->t < k->reach_m);
 }
 
 /* [m] how far things reach below what is seen of them. */
-static inline floatw thick(const Walk *k, const Seen *p, const float stride)
+INLINE floatw thick(const Walk *k, const Seen *p, const float stride)
 {
     return fma(p->pixel, (floatw)stride, (floatw)k->thickness_m);
 }
 
 /* [m] how high above the mirroring place the ground itself may lie. */
-static inline floatw ground(const Seen *p)
+INLINE floatw ground(const Seen *p)
 {
     return fma(p->t, (floatw)GROUND_SLOPE, (floatw)GROUND_M);
 }
 
 /* Share of the lobe below it; `inv` is 1 / (thick ground). */
-static inline Part covers(const Walk *k, const Mirrored *m, const Seen *p, const float stride, const floatw inv)
+INLINE Part covers(const Walk *k, const Mirrored *m, const Seen *p, const float stride, const floatw inv)
 {
     const floatw deep = thick(k, p, stride), half_q = 0.5f * (p->q / p->width);
-    const floatw share = fmin(fmax(smooth_ramp(0.5f + half_q) - m->below, 0.0f) * m->inv_above, 1.0f);
+    const floatw share = min(max(smooth_ramp(0.5f + half_q) - m->below, 0.0f) * m->inv_above, 1.0f);
     const floatw hangs = ramp(fma((deep + p->width - p->q) * (1.0f / FADE), inv * ground(p), (floatw)1.0f));
     const floatw stands = ramp(fma(p->h, inv * deep, (floatw)-1.0f));
     const floatw counts = hangs * stands * ramp(p->ahead * m->inv_near) * ramp((k->reach_m - p->t) * k->inv_reach_fade);
-    const floatw above = fmin(smooth_ramp(0.5f - half_q) * m->inv_above, 1.0f);
-    const Part lobe = {share * counts, fma(share, 1.0f - counts, above)};
+    const floatw above = min(smooth_ramp(0.5f - half_q) * m->inv_above, 1.0f);
+    const Part lobe = PART(share * counts, fma(share, 1.0f - counts, above));
     return lobe;
 }
 
 /* Whether it stands before the mirroring place, so that the rays rise behind it, 0 to 1. */
-static inline Part hides(const Mirrored *m, const floatw ahead)
+INLINE Part hides(const Mirrored *m, const floatw ahead)
 {
     const floatw hidden = ramp((HIDDEN_M + ahead) * (1.0f / (FADE * HIDDEN_M)));
     const floatw share = ramp(fma(-ahead, m->inv_near, (floatw)-1.0f)) * hidden;
-    const Part lobe = {share, 1.0f - share};
+    const Part lobe = PART(share, 1.0f - share);
     return lobe;
 }
 
 /* How much counts that lies so many columns, whole ones and a part, from a border of the picture. */
-static inline Part fading(const floatw columns, const floatw part, const int width)
+INLINE Part fading(const floatw columns, const floatw part, const int width)
 {
     const float inv = 1.0f / width;
     const floatw left = fma(columns, (floatw)(-1.0f / EDGE), (floatw)width);
-    const Part p = {ramp((columns + part) * (inv / EDGE)), ramp(fma(part, (floatw)(-1.0f / EDGE), left) * inv)};
+    const Part p = PART(ramp((columns + part) * (inv / EDGE)), ramp(fma(part, (floatw)(-1.0f / EDGE), left) * inv));
     return p;
 }
 
 /* How much the columns to both sides of the line count, so much right of the left one but for the low parts of its lean.
  * Next to the whole, little is left of either. */
-static inline Columns columns_between(
-    const Walk *k, const Mirrored *m, const floatw beside, const intw column, const int rows)
+INLINE Columns columns_between(
+    const Walk *k, const Mirrored *m, const Place *at, const floatw beside, const int rows)
 {
+    const floatw column = FLOATW(at->off) + (float)at->first + LANES;
     const floatw to_r = ramp(fma((floatw)-rows, m->lean.lo, beside));
     const floatw to_l = ramp(fma((floatw)rows, m->lean.lo, 1.0f - beside));
-    const Part from_l = fading(FLOATW(column), to_r, k->width);
-    const Part from_r = fading(FLOATW(k->width - 2 - column), to_l, k->width);
+    const Part from_l = fading(column, to_r, k->width);
+    const Part from_r = fading((float)(k->width - 2) - column, to_l, k->width);
     const float v = clamp((float)(k->v - rows) * k->inv_edge_v, 0.0f, 1.0f);
     const floatw across = from_l.share * from_r.share, inside = across * v;
-    const floatw outside = fma(across, (floatw)(1.0f - v), fma(from_l.share, from_r.left, from_l.left));
-    const Columns in = {to_l * inside, to_r * inside, outside, to_r};
+    Columns in = {to_l * inside, to_r * inside, to_r};
+#ifdef LAYERS
+    in.outside = fma(across, (floatw)(1.0f - v), fma(from_l.share, from_r.left, from_l.left));
+#endif
     return in;
 }
 
-static inline intw may_hide(const floatw ahead)
+INLINE intw may_hide(const floatw ahead)
 {
     return (ahead < 0.0f) & (ahead > -HIDDEN_M);
 }
 
-/* What the picture shows `rows` above the pixels, between two of its columns, for those lanes that are asked for; nothing
- * where all of that covers no more than `passed`. */
-static inline Things things(
-    const Walk *k, const Mirrored *m, const intw asked, const floatw passed, const int rows, const int stride)
+/* Columns in the picture left of where the lines pass `rows` above the pixels, and how far from there [px] that is but for
+ * the low parts of their lean. */
+INLINE Place columns_at(const Walk *k, const Mirrored *m, const intw asked, const int rows, floatw *beside)
 {
 #pragma OPENCL FP_CONTRACT OFF
+    Place at;
+#if W > 1
+    const float first = floor(fma(-(float)rows, k->lean, (float)k->u));
+    at.first = (int)first;
+    at.off = 0;
+    at.most = 0;
+    *beside = fma((floatw)-rows, m->lean.hi, (floatw)(k->u - first));
+    const intw in_it = fabs(fma((floatw)-rows, m->lean.lo, *beside - 0.5f)) < 0.5f - 0x1p-20f;
+    if (at.first >= 0 && at.first + W <= k->width && !ANYW(asked & !in_it))
+        return at;
+#endif
     const floatw near = fma((floatw)-rows, m->lean.hi, m->u);
     const intw whole = TOINTW(near);
     const floatw rest = fma((floatw)-rows, m->lean.lo, near - FLOATW(whole));
-    const intw column = whole + TOINTW(rest + 8.0f) - 8; /* within 2^-22 of a column it may be that column's */
-    Things f;
-    f.x = min(max(column, (intw)0), (intw)(k->width - 1));
-    f.row = rows;
-    f.together = !ANYW(f.x != FIRST(f.x) + TOINTW(LANES));
-    f.any = 0;
-    const Pair z = pick(k->pixels + (k->v - rows) * k->row, f.x, f.together);
-    const floatw columns = FLOATW(f.x) - m->u;
+    const intw column = whole + TOINTW(rest + 8.0f) - 8; /* within 2^-21 of a column it may be that column's */
+    const intw x = min(max(column, (intw)0), (intw)(k->width - 1));
+    *beside = near - FLOATW(x);
+#if W == 1
+    at.first = x;
+    at.off = at.most = 0;
+#else
+    at.off = x - at.first - NUMBERS;
+    const intw far = asked & ((at.off < -1) | (at.off > 1));
+    at.most = at.first > 0 && at.first + W < k->width && !ANYW(far) ? 1 : 2;
+#endif
+    return at;
+}
+
+/* Finds what the picture shows `rows` above the pixels, between two of its columns, for those lanes that are asked for. Returns
+ * whether that may cover more than `passed`; else it says nothing. */
+INLINE int things(
+    const Walk *k, const Mirrored *m, const intw asked, const floatw passed, const int rows, const int stride, Things *f)
+{
+#pragma OPENCL FP_CONTRACT OFF
+    floatw beside;
+    const Place at = columns_at(k, m, asked, rows, &beside);
+    const Pair z = pick(k->pixels + (k->v - rows) * k->row, &at);
+    const floatw columns = FLOATW(at.off) + (float)(at.first - k->u);
     const Sharp over = slope(&m->over, columns, (float)rows), above = slope(&m->above, columns, (float)rows);
     const Sharp over_r = next_slope(&m->over, over);
     /* Most rows show nothing but ground, lower than what may cover. */
     const intw rises_l = (z.left < m->Z0) | (height(&m->over, over, z.left) > GROUND_M);
     const intw rises_r = (z.right < m->Z0) | (height(&m->over, over_r, z.right) > GROUND_M);
     if (!ANYW(asked & (rises_l | rises_r)))
-        return f;
+        return 0;
 
     const Seen l = seen(k, m, z.left, over, above);
     const Seen r = seen(k, m, z.right, over_r, next_slope(&m->above, above));
     const intw before = asked & (may_hide(l.ahead) | may_hide(r.ahead));
     /* The smooth ramp of s is more than y only if s is more than min(y, (4 y + 1) / 6). */
     const floatw y = fma(passed, 1.0f - m->below, m->below);
-    const floatw least = fma((floatw)2.0f, fmin(y, fma((floatw)(2.0f / 3.0f), y, (floatw)(1.0f / 6.0f))), (floatw)-1.0f);
+    const floatw least = fma((floatw)2.0f, min(y, fma((floatw)(2.0f / 3.0f), y, (floatw)(1.0f / 6.0f))), (floatw)-1.0f);
     const intw more_l = stands_out(k, &l) & (l.q > least * l.width), more_r = stands_out(k, &r) & (r.q > least * r.width);
     if (!ANYW(before | asked & (more_l | more_r)))
-        return f;
+        return 0;
 
-    f.any = 1;
-    const Columns in = columns_between(k, m, near - FLOATW(column), column, rows);
+    f->at = at;
+    f->row = rows;
+    const Columns in = columns_between(k, m, &at, beside, rows);
     const floatw a = thick(k, &l, stride) * ground(&l), b = thick(k, &r, stride) * ground(&r), inv = 1.0f / (a * b);
     const Part of_l = covers(k, m, &l, (float)stride, inv * b), of_r = covers(k, m, &r, (float)stride, inv * a);
-    f.left = in.left * of_l.share;
-    f.right = in.right * of_r.share;
-    f.hidden = 0.0f;
-    floatw left_l = of_l.left, left_r = of_r.left;
+    f->left = in.left * of_l.share;
+    f->right = in.right * of_r.share;
+    f->hidden = 0.0f;
+#ifdef LAYERS
+    f->lobe.left = in.outside + fma(in.left, of_l.left, in.right * of_r.left);
+#endif
     if (ANYW(before)) {
         const Part hid_l = hides(m, l.ahead), hid_r = hides(m, r.ahead);
-        f.hidden = fma(in.left, hid_l.share, in.right * hid_r.share);
-        left_l = fmin(left_l, hid_l.left);
-        left_r = fmin(left_r, hid_r.left);
-    }
-    f.lobe.share = f.left + f.right + f.hidden;
+        f->hidden = fma(in.left, hid_l.share, in.right * hid_r.share);
 #ifdef LAYERS
-    f.lobe.left = in.outside + fma(in.left, left_l, in.right * left_r);
-#else
-    f.lobe.left = 0.0f; /* nobody asks */
+        f->lobe.left = in.outside + fma(in.left, min(of_l.left, hid_l.left), in.right * min(of_r.left, hid_r.left));
 #endif
+    }
+    f->lobe.share = f->left + f->right + f->hidden;
     const floatw wide_l = l.t * r.pixel, wide_r = r.t * l.pixel;
-    f.wide = m->lobe * fma(in.to_right, wide_r - wide_l, wide_l) / (l.pixel * r.pixel);
-    return f;
+    f->wide = m->lobe * fma(in.to_right, wide_r - wide_l, wide_l) / (l.pixel * r.pixel);
+    return 1;
 }
 
 /* The light of two pixels by their shares. */
-static inline void add_own(Sums *s, const Walk *k, const Things *f, const floatw left, const floatw right)
+INLINE void add_own(Sums *s, const Walk *k, const Things *f, const floatw left, const floatw right)
 {
     __global const float *restrict p = k->pixels + (k->v - f->row) * k->row + k->apart;
-    const Pair r = pick(p, f->x, f->together);
-    const Pair g = pick(p + k->apart, f->x, f->together);
-    const Pair b = pick(p + 2 * k->apart, f->x, f->together);
+    const Pair r = pick(p, &f->at);
+    const Pair g = pick(p + k->apart, &f->at);
+    const Pair b = pick(p + 2 * k->apart, &f->at);
     s->r = fma(left, r.left, fma(right, r.right, s->r));
     s->g = fma(left, g.left, fma(right, g.right, s->g));
     s->b = fma(left, b.left, fma(right, b.right, s->b));
 }
 
 /* Leaves some of the lobe to the surroundings, which the layer alone shows. */
-static inline void leave(Sums *s, const floatw share)
+INLINE void leave(Sums *s, const floatw share)
 {
 #ifdef LAYERS
     s->left += share;
@@ -353,25 +412,25 @@ static inline void leave(Sums *s, const floatw share)
 }
 
 /* Things that cover `share` more of the lobe. */
-static inline void add(Sums *s, const Walk *k, const Things *f, const floatw share)
+INLINE void add(Sums *s, const Walk *k, const Things *f, const floatw share)
 {
-    const floatw part = share / fmax(f->lobe.share, 1e-30f), left = part * f->left, right = part * f->right;
+    const floatw part = share / max(f->lobe.share, 1e-30f), left = part * f->left, right = part * f->right;
     add_own(s, k, f, left, right);
     s->own += left + right;
     leave(s, part * f->hidden);
 }
 
-static inline Pair mean(__global const float *restrict p, const Means at, const Things *f)
+INLINE Pair mean(__global const float *restrict p, const Means at, const Things *f)
 {
-    const Pair a = pick(p + at.above, f->x, f->together), b = pick(p + at.below, f->x, f->together);
+    const Pair a = pick(p + at.above, &f->at), b = pick(p + at.below, &f->at);
     const Pair s = {fma((floatw)at.lower, b.left - a.left, a.left), fma((floatw)at.lower, b.right - a.right, a.right)};
     return s;
 }
 
 /* The same in the mean light of things in the rows of the step. */
-static inline void add_mean(Sums *s, const Walk *k, const Things *f, const int stride, const floatw share)
+INLINE void add_mean(Sums *s, const Walk *k, const Things *f, const int stride, const floatw share)
 {
-    const floatw part = share / fmax(f->lobe.share, 1e-30f), left = part * f->left, right = part * f->right;
+    const floatw part = share / max(f->lobe.share, 1e-30f), left = part * f->left, right = part * f->right;
     s->own += left + right;
     leave(s, part * f->hidden);
     const Means at = means_around(k->v - f->row, stride, k->height, k->row);
@@ -379,8 +438,8 @@ static inline void add_mean(Sums *s, const Walk *k, const Things *f, const int s
     /* Where the blocks show nothing but sky, the thing itself counts. */
     const floatw own_l = SELECTW(things.left < LEAST_MEAN, left, 0.0f);
     const floatw own_r = SELECTW(things.right < LEAST_MEAN, right, 0.0f);
-    const floatw by_l = (left - own_l) / fmax(things.left, LEAST_MEAN);
-    const floatw by_r = (right - own_r) / fmax(things.right, LEAST_MEAN);
+    const floatw by_l = (left - own_l) / max(things.left, LEAST_MEAN);
+    const floatw by_r = (right - own_r) / max(things.right, LEAST_MEAN);
     const Pair r = mean(k->means, at, f), g = mean(k->means + at.size, at, f), b = mean(k->means + 2 * at.size, at, f);
     s->r = fma(by_l, r.left, fma(by_r, r.right, s->r));
     s->g = fma(by_l, g.left, fma(by_r, g.right, s->g));
@@ -399,21 +458,27 @@ OUT_OF_LINE void walk_finer(
         const int rows = start + (i * stride + FINER - 1) / FINER;
         if (rows == before)
             continue;
-        const Things mid = i == FINER ? *end : things(k, m, gain(passed, to) > 0.0f, passed.share, rows, stride);
-        const Part most = mid.any ? smaller(larger(mid.lobe, passed), to) : passed;
+        Things found;
+        const Things *const mid = i == FINER ? end : &found;
+        if (i < FINER && !things(k, m, gain(passed, to) > 0.0f, passed.share, rows, stride, &found)) {
+            before = rows;
+            continue;
+        }
+        const Part most = smaller(larger(mid->lobe, passed), to);
         if (ANYW(gain(passed, most) > 0.0f))
             for (int j = 1, last = before; j <= FINER; j++) {
                 const int row = before + (j * (rows - before) + FINER - 1) / FINER;
                 if (row == last)
                     continue;
                 last = row;
-                const Things f = row == rows ? mid : things(k, m, gain(passed, most) > 0.0f, passed.share, row, stride);
-                if (!f.any)
+                Things finest;
+                if (row < rows && !things(k, m, gain(passed, most) > 0.0f, passed.share, row, stride, &finest))
                     continue;
-                const Part now = smaller(larger(f.lobe, passed), most);
+                const Things *const f = row == rows ? mid : &finest;
+                const Part now = smaller(larger(f->lobe, passed), most);
                 const floatw share = gain(passed, now);
                 if (ANYW(share > 0.0f))
-                    add(s, k, &f, weight * share);
+                    add(s, k, f, weight * share);
                 passed = now;
             }
         before = rows;
@@ -421,7 +486,7 @@ OUT_OF_LINE void walk_finer(
 }
 
 /* What a step adds: in finer steps where the lobe is narrow, in the mean where it is wide. */
-static inline void add_step(
+INLINE void add_step(
     Sums *s, const Walk *k, const Mirrored *m, const int start, const Things *f, const Part passed, const Part to,
     const floatw share)
 {
@@ -432,7 +497,7 @@ static inline void add_step(
     if (ANYW(blurred > 0.0f))
         add_mean(s, k, f, stride, blurred);
     const intw sharp = wide < 1.0f;
-    const Part sharp_to = {SELECTW(sharp, to.share, passed.share), SELECTW(sharp, to.left, passed.left)};
+    const Part sharp_to = PART(SELECTW(sharp, to.share, passed.share), SELECTW(sharp, to.left, passed.left));
     if (ANYW(gain(passed, sharp_to) > 0.0f))
         walk_finer(s, k, m, start, f, passed, sharp_to, 1.0f - wide);
 }
@@ -440,7 +505,7 @@ static inline void add_step(
 /* [rows] beyond which nothing covers the lobe. A thing q above the ray is z (p.r) - Z0 (p.r0) with p.r of its own line of
  * sight, which grows by the row; none counts above the lobe, what it reaches down and what a step may miss. A row and a
  * column are added for rounding. */
-static inline floatw last_row(const Walk *k, const Mirrored *m, const int steps)
+INLINE floatw last_row(const Walk *k, const Mirrored *m, const int steps)
 {
     const floatw climb = fma(-m->lean.hi, m->above.by_u.hi, -m->above.by_v.hi);
     const floatw top = fma(m->lobe, m->inv_Lz, (2.5f * (k->v / steps + 3) + 4.0f) * k->inv_fy);
@@ -453,7 +518,7 @@ OUT_OF_LINE Sums walk(const Walk *k, const Mirrored *m, const int steps)
 {
     Sums s = {0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
     const floatw last = last_row(k, m, steps);
-    Part passed = {0.0f, 1.0f};
+    Part passed = PART(0.0f, 1.0f);
     for (int step = 1, before = 0; step <= steps; step++) {
         const int rows = (step * step * k->v + steps * steps - 1) / (steps * steps), stride = rows - before;
         const intw asked = m->on & (passed.share < 1.0f) & (last > (float)before);
@@ -461,10 +526,10 @@ OUT_OF_LINE Sums walk(const Walk *k, const Mirrored *m, const int steps)
             break;
         if (stride == 0)
             continue;
-        const Things f = things(k, m, asked, passed.share, rows, stride);
-        if (f.any) {
+        Things f;
+        if (things(k, m, asked, passed.share, rows, stride, &f)) {
             const Part up_to = larger(passed, f.lobe);
-            const Part to = {SELECTW(asked, up_to.share, passed.share), SELECTW(asked, up_to.left, passed.left)};
+            const Part to = PART(SELECTW(asked, up_to.share, passed.share), SELECTW(asked, up_to.left, passed.left));
             const floatw share = gain(passed, to);
             if (ANYW(share > 0.0f))
                 add_step(&s, k, m, before, &f, passed, to, share);
@@ -472,13 +537,15 @@ OUT_OF_LINE Sums walk(const Walk *k, const Mirrored *m, const int steps)
         }
         before = rows;
     }
-    leave(&s, passed.left);
+#ifdef LAYERS
+    s.left += passed.left;
+#endif
     return s;
 }
 
 /* The lobes that stand for the reflection's as one: shares A and B of the parts of Schlick's Fresnel term, and turn and
  * roughness in the mean. A texel's lobes lie side by side, so that lanes are looked up one by one. */
-static inline void mean_lobe(
+INLINE void mean_lobe(
     __global const float *restrict env_brdf, const Corner at, const floatw F0,
     floatw *A, floatw *B, floatw *turn, floatw *roughness)
 {
@@ -538,6 +605,14 @@ typedef struct {
     float max_roughness;
 } Frame;
 
+/* Whether mirrored rays may rise in the picture as steeply as `mirrored` asks; those of walls do not. What rounding may hide
+ * is taken for steep. */
+INLINE intw may_rise(const floatw ny, const floatw nz, const floatw nn, const float fy, const float dv)
+{
+    const floatw up = fma(nz, (floatw)dv, -fy * ny), least = fmax((1.0f - SLACK) * MIN_RISE * fy - SLACK * fabs(dv), 0.0f);
+    return (up > 0.0f) & (up * up > least * least * nn);
+}
+
 /* Adds what the pixels (u0 to u0 + W - 1, v) mirror. */
 OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
 {
@@ -551,12 +626,14 @@ OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
     if (!ANYW(wet > 0.0f))
         return;
     const floatw rough = LOADW(f->roughness + i);
-    const intw on = (wet > 0.0f) & (rough < f->max_roughness) & !LOADMASKW(f->sky + i);
+    const floatw n0 = LOADW(f->normal + i), n1 = LOADW(f->normal + i + f->plane), n2 = LOADW(f->normal + i + 2 * f->plane);
+    const floatw nn = fma(n0, n0, fma(n1, n1, n2 * n2));
+    const intw on = (wet > 0.0f) & (rough < f->max_roughness) & !LOADMASKW(f->sky + i)
+        & may_rise(n1, n2, nn, f->fy, (float)v - f->cy);
     if (!ANYW(on))
         return;
 
-    const floatw n0 = LOADW(f->normal + i), n1 = LOADW(f->normal + i + f->plane), n2 = LOADW(f->normal + i + 2 * f->plane);
-    const intw whole = fma(n0, n0, fma(n1, n1, n2 * n2)) > 1e-12f;
+    const intw whole = nn > 1e-12f;
     const floatw nx = SELECTW(whole, n0, 0.0f), ny = SELECTW(whole, n1, 0.0f), nz = SELECTW(whole, n2, -1.0f);
     const float3 upward = vload3(0, f->up);
     const floatw u = (float)u0 + LANES;
@@ -572,7 +649,9 @@ OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
     k.height = f->height;
     k.row = f->pitch + TILE;
     k.apart = f->height * k.row;
+    k.u = u0;
     k.v = v;
+    k.lean = 0.5f * (MINW(SELECTW(m.on, m.lean.hi, 1.0f)) + MAXW(SELECTW(m.on, m.lean.hi, -1.0f)));
     k.inv_fy = 1.0f / f->fy;
     k.inv_edge_v = 1.0f / (EDGE * f->height);
     k.reach_m = f->reach_m;
