@@ -109,7 +109,11 @@ static inline floatw rsqrt_by_steps(const floatw x)
     do { FETCH_TO_CHANGE(p); FETCH_TO_CHANGE((p) + plane); FETCH_TO_CHANGE((p) + 2 * plane); } while (0)
 
 /* For what is to be part of its callers: PoCL leaves out of line what is long and has several. */
+#ifdef NO_INLINE
+#define INLINE static inline
+#else
 #define INLINE __attribute__((always_inline)) static inline
+#endif
 
 /* For functions with loops: what a kernel holds across one PoCL keeps in memory for every work-item of a group apart, more
  * than the cache; what a function holds is on the stack. */
