@@ -193,11 +193,12 @@ __kernel void spot_lights(
 
     FETCH3(emissive + i, plane);
     FETCH(depth + i);
-    FETCH3(normal + i, plane);
-    FETCH3(albedo + i, plane);
-    FETCH(roughness + i);
-    FETCH(metallic + i);
-    FETCH3_TO_CHANGE(direct + i, plane);
+    if (reaching[u0 + AHEAD < width ? AHEAD / TILE * words : 0]) {
+        FETCH3(normal + i, plane);
+        FETCH3(albedo + i, plane);
+        FETCH(roughness + i);
+        FETCH(metallic + i);
+    }
     floatw r = LOADW(emissive + i), g = LOADW(emissive + i + plane), b = LOADW(emissive + i + 2 * plane);
     const floatw z = LOADW(depth + i);
     const intw surface = !LOADMASKW(sky + i) & (z < INFINITY);

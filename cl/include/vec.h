@@ -93,7 +93,7 @@ static inline floatw rsqrt_by_steps(const floatw x)
 
 /* Asks for what a work-item of the same row reads, or changes, AHEAD pixels on. Processors find out by themselves what is read
  * next, but anew on every page of memory, and of a dozen planes side by side late. GPUs hide the wait. */
-#define AHEAD 256
+#define AHEAD 512 /* a multiple of TILE */
 #if W > 1 && defined(__has_builtin) && !defined(NO_FETCH)
 #if __has_builtin(__builtin_prefetch)
 #define FETCH(p) __builtin_prefetch((const void *)(uintptr_t)((p) + AHEAD))
