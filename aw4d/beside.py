@@ -14,7 +14,7 @@ import pickle
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -96,7 +96,7 @@ def compile_from_the_end(
     scene: Scene,
 ) -> None:
     """Run passes, the last one first, on a frame of nothing: what is compiled is the same for all frames of a size."""
-    frame = backend.upload(nothing(planes, camera), scene, layers)
+    frame = backend.upload(nothing({"rgb", *planes}, camera), scene, layers)  # the image is made of `rgb`
     for name, channels in WORKING.items():  # what the passes before would have made
         shape = camera.shape if channels == 1 else (*camera.shape, channels)
         backend.put(frame, name, np.zeros(shape, np.float32))
@@ -106,7 +106,7 @@ def compile_from_the_end(
         backend.finish()
 
 
-def nothing(planes: Sequence[str], camera: Camera) -> GBuffer:
+def nothing(planes: Collection[str], camera: Camera) -> GBuffer:
     """A frame of a wall that faces the camera, as near and as dark as can be."""
     held: dict[str, Plane] = {}
     for name in planes:
