@@ -17,7 +17,7 @@ from aw4d.lights.faces import add_street_lamp_faces
 from aw4d.lights.light import Light, in_camera, read_lights, switched_on
 from aw4d.lights.poles import pole_lamps
 from aw4d.lights.street_lamps import street_lamps
-from aw4d.lights.vehicles import add_vehicle_faces, at_lenses, vehicle_lights
+from aw4d.lights.vehicles import add_vehicle_faces, at_faces, vehicle_lights
 from aw4d.params import ExposureParams
 from aw4d.scene import Scene
 from aw4d.weathers import Settings
@@ -48,7 +48,7 @@ class Lighting:
     info: ClipInfo
 
     def lights(self, index: int, frame: GBuffer | None = None) -> list[Light]:
-        """All local lights of a frame; by its planes near tail lights are where it shows them."""
+        """All local lights of a frame; by its planes those of vehicles are where it shows their faces."""
         return [*self.standing, *self._moving(index, frame)]
 
     def _moving(self, index: int, frame: GBuffer | None = None) -> list[Light]:
@@ -57,8 +57,8 @@ class Lighting:
             return []
         own = self.settings.vehicle_lights
         found = vehicle_lights(self.info, index, own, white_cd_m2=self.white_cd_m2)
-        if frame is not None and {"vehicle", "depth", "albedo"} <= frame.keys():
-            found = at_lenses(found, self.info, index, frame, own)
+        if frame is not None and "vehicle" in frame:
+            found = at_faces(found, self.info, index, frame, own)
         return switched_on(found, self.settings.lights.off)
 
     def scene(self, index: int, camera: Camera, frame: GBuffer | None = None) -> Scene:

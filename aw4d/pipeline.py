@@ -72,7 +72,7 @@ class Plan:
     def scene(self, index: int, frame: GBuffer | None = None, *, alone: Light | None = None) -> Scene:
         """What lights a frame, or one local light alone, and where the frame is in the world.
 
-        Without the frame's planes near tail lights are where the boxes have them, not where the picture shows them.
+        Without the frame's planes lights of vehicles are where the boxes have them, not where the picture shows them.
         """
         info, camera = self.lighting.info, self.lighting.info.camera(index)
         lit = self.lighting.alone(alone, camera) if alone else self.lighting.scene(index, camera, frame)

@@ -14,7 +14,7 @@ from aw4d.clip import ClipInfo
 from aw4d.errors import InputError
 from aw4d.io.source import LEVEL
 from aw4d.lights.light import Light
-from aw4d.lights.vehicles import SETBACK, add_vehicle_faces, at_lenses, vehicle_lights, vehicle_speeds
+from aw4d.lights.vehicles import SETBACK, add_vehicle_faces, at_faces, vehicle_lights, vehicle_speeds
 from aw4d.params import VehicleLightParams
 from reference_numpy.srgb import LUMINANCE
 
@@ -227,30 +227,46 @@ def _lens_above_a_lamp(z: float) -> tuple[ClipInfo, tuple[slice, slice]]:
     return info, (rows, columns)
 
 
-def _moved(info: ClipInfo, z: float, **change: NDArray[np.generic]) -> dict[str, Array]:
-    """How far each light is moved to its lens [m], world."""
+def _shown_at(info: ClipInfo, z: float, **change: NDArray[np.generic]) -> tuple[list[Light], Array]:
+    """The lights of a car whose lamps are z away, and where the picture has them: (lights, 3) [px, px, m]."""
     lights = vehicle_lights(info, 4, PARAMS, white_cd_m2=10.0)
-    found = at_lenses(lights, info, 4, _planes(z) | {"albedo": _red()} | change, PARAMS)
+    found = at_faces(lights, info, 4, _planes(z) | change, PARAMS)
     assert [light.name for light in found] == [light.name for light in lights]
-    return {a.name: np.subtract(b.position, a.position) for a, b in zip(lights, found, strict=True)}
+    camera = info.camera(4)
+    before, after = (camera.project(camera.to_camera([light.position for light in of])) for of in (lights, found))
+    np.testing.assert_allclose(after[:, 2], before[:, 2], rtol=1e-12, err_msg="no light comes nearer")
+    return found, after
+
+
+@pytest.mark.parametrize("x", [-3.0, 0.0, 2.0])
+def test_a_lamp_glows_around_its_face(x: float) -> None:
+    """From aside: bodies end before their boxes."""
+    z = 6.0
+    info = _info(lambda index: _box(x, -z - 2.0 - 0.5 * (index - 4), np.pi))
+    for light, (column, row, _) in zip(*_shown_at(info, z), strict=True):
+        face = _faces(info, _planes(z), frozenset([light.name]))[..., 0]
+        if face.any():
+            at = np.array([(face * grid).sum() for grid in np.indices(face.shape)]) / face.sum()
+            np.testing.assert_allclose(at, [row, column], atol=0.5)
 
 
 def test_a_near_tail_light_shines_from_its_lens() -> None:
-    """Here 0.2 m above where the box has it; the world's y is up."""
     z = 4.0
     info, lens = _lens_above_a_lamp(z)
-    moved = _moved(info, z, albedo=_red(lens))
-    (name,) = (name for name, by in moved.items() if by.any())
-    assert "-tail-" in name
-    np.testing.assert_allclose(moved[name], [0, 0.2, 0], atol=1.5 * z / FOCAL)
-    assert not any(by.any() for by in _moved(info, z).values()), "nothing is red"
+    middle = [(part.start + part.stop - 1) / 2 for part in lens]
+    _, plain = _shown_at(info, z)
+    found, seen = _shown_at(info, z, albedo=_red(lens))
+    ((number,),) = np.nonzero((seen != plain).any(axis=-1))
+    assert "-tail-" in found[number].name
+    np.testing.assert_allclose(seen[number, 1::-1], middle, atol=0.5)
 
 
 def test_a_light_moves_to_its_lens_without_a_jump() -> None:
     steps = []
     for z in np.arange(4.0, 12.0, 0.25):
         info, lens = _lens_above_a_lamp(z)
-        steps.append(max(by[1] for by in _moved(info, z, albedo=_red(lens)).values()))
+        (_, plain), (_, seen) = _shown_at(info, z), _shown_at(info, z, albedo=_red(lens))
+        steps.append((plain - seen)[:, 1].max() * z / FOCAL)  # [m] up
     assert steps[0] > 0.15
     assert steps[-1] == 0
     assert np.abs(np.diff(steps)).max() < 0.05

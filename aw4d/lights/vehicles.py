@@ -301,21 +301,23 @@ def _face_centre(lamp: _Lamp, camera: Camera) -> Array:
     return camera.to_camera(lamp.position - SETBACK * lamp.facing)
 
 
-def at_lenses(
+def at_faces(
     lights: Sequence[Light],
     info: ClipInfo,
     index: int,
     planes: Mapping[str, NDArray[np.generic]],
     params: VehicleLightParams,
 ) -> list[Light]:
-    """Vehicles' lights, near tail lights moved to the lenses that the picture shows, as their faces are.
+    """Vehicles' lights, each that is seen moved into the line of sight to its face, so that its glow is around that.
+
+    Boxes end before bodies do, and tail lights have their faces where the picture shows a lens. Distances [z] stay.
 
     Parameters
     ----------
     lights
         Those of `vehicle_lights`.
     info, index, planes, params
-        As for `add_vehicle_faces`; `planes` has `albedo`.
+        As for `add_vehicle_faces`.
 
     Raises
     ------
@@ -323,20 +325,18 @@ def at_lenses(
         A plane has another size than the clip.
     """
     camera, shown = info.camera(index), _shown(planes, info.camera(index))
-    moves: dict[str, Array] = {}
+    moved: dict[str, Vector] = {}
     for lamp in _lamps(info, index, params):
-        if lamp.head:
+        face, place = _face_centre(lamp, camera), camera.to_camera(lamp.position)
+        seen = _seen(lamp, face, camera)
+        if not (seen > 0 and min(face[2], place[2]) > 0):
             continue
-        centre = _face_centre(lamp, camera)
-        lens = find_lens(centre, params.radius_m, camera, shown, planes["albedo"])
-        if lens is not None and _seen(lamp, centre, camera):
-            moves[lamp.name] = camera.camera_to_world[:3, :3] @ (lens.weight * lens.offset)
-    return [
-        dataclasses.replace(light, position=_vector(np.asarray(light.position) + moves[light.name]))
-        if light.name in moves
-        else light
-        for light in lights
-    ]
+        if not lamp.head and "albedo" in planes:
+            lens = find_lens(face, params.radius_m, camera, shown, planes["albedo"])
+            face = face if lens is None else face + lens.weight * lens.offset
+        move = camera.camera_to_world[:3, :3] @ (seen * (face * (place[2] / face[2]) - place))
+        moved[lamp.name] = _vector(lamp.position + move)
+    return [dataclasses.replace(one, position=moved.get(one.name, one.position)) for one in lights]
 
 
 def _face(lamp: _Lamp, params: VehicleLightParams, white_cd_m2: float) -> RGB:
