@@ -17,6 +17,7 @@
 #include "include/vec.h"
 
 #define PAPER 1          /* convention */
+#define NONE -1          /* no light */
 #define PIECES 16        /* of a stretch, each of about the same angle at the lamp */
 
 /* The printed in-scatter: phase and attenuated light at the surface at range s. */
@@ -57,34 +58,39 @@ typedef struct {
     floatw half_D;       /* D / (2 r_max) */
     float fade;          /* -2 sigma_t r_max, */
     floatw fade_t0;      /* -sigma_t t0: exponents of 2 */
+    bool spot;
+    intw lit;            /* rays that have a stretch */
+    floatw turn, inv_D;  /* the chord's measure, and 1 / D */
+    int light;           /* its number, or NONE */
+    float3 E;            /* what a ray's glow is multiplied by */
 } Stretch;
 
 /* Phase function times light times da at a node (c, s), but for factors that all nodes share. With
  * Q = c^2 + ((1 + g) / (1 - g))^2 s^2 ~ N (1 + g^2 - 2 g cos(a)) they are Q^-1.5 N^1.5, S W exp(..) and 1 / N; S is a square
  * of cos - cos_outer = sides / N, which makes it (N Q)^-1.5. No clamp at 0 where rounding alone goes below: S and W are
  * squares. */
-static inline floatw node(const Stretch a, const bool spot, const floatw c, const floatw s, const floatw sides)
+static inline floatw node(const Stretch a, const floatw c, const floatw s, const floatw sides)
 {
     const floatw c2 = c * c, s2 = s * s, N = c2 + s2;
     const floatw inv = a.half_D / (s * c);
     const floatw r = N * inv; /* of r_max */
     const floatw q = r * r;
-    const floatw w = (spot ? min(sides, N) : N) * fma(-q, q, 1.0f); /* distance window W is a square, too */
+    const floatw w = (a.spot ? min(sides, N) : N) * fma(-q, q, 1.0f); /* distance window W is a square, too */
     const floatw NQ = N * fma(a.stretched, s2, c2);
     return w * w * exp2_negative(fma(a.fade * s2, inv, a.fade_t0)) / (NQ * sqrt(NQ));
 }
 
 /* Gauss-Legendre along the chord between the stretch's ends. */
 static inline floatw quadrature(
-    const Stretch a, const bool spot,
+    const Stretch a,
     __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
 {
     const End m = a.middle;
     floatw total = 0.0f;
     for (int i = 0; i < node_pairs; i++) {
         const End d = scaled(a.way, (floatw)node_x[i]);
-        const floatw before = node(a, spot, m.c - d.c, m.s - d.s, (m.low - d.low) * (m.high - d.high));
-        const floatw after = node(a, spot, m.c + d.c, m.s + d.s, (m.low + d.low) * (m.high + d.high));
+        const floatw before = node(a, m.c - d.c, m.s - d.s, (m.low - d.low) * (m.high - d.high));
+        const floatw after = node(a, m.c + d.c, m.s + d.s, (m.low + d.low) * (m.high + d.high));
         total = fma(node_w[i], before + after, total);
     }
     return total;
@@ -150,11 +156,10 @@ static inline Ends within_cone(
     return cut;
 }
 
-/* Single-scattering integral along the rays (x, y, z). */
-static inline floatw along_ray(
-    const Lamp lamp, const float r_max, const float air_floor, const Ray ray,
-    const floatw x, const floatw y, const floatw z, const floatw s, const float extinction, const float g,
-    __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
+/* A lamp's stretch of the rays (x, y, z), and whether any of them has one. */
+static inline bool find_stretch(
+    const Lamp lamp, const float r_max, const Ray ray, const floatw x, const floatw y, const floatw z, const floatw s,
+    const float extinction, const float g, Stretch *stretch)
 {
     const floatw t0 = fma(x, lamp.px, fma(y, lamp.py, z * lamp.pz));
     /* across = position x ray, of the ray before it was normalised and with what rounding took off it: where the lamp is far
@@ -186,7 +191,7 @@ static inline floatw along_ray(
     lit &= (t0 - s < reach) & (t0 > -reach);
     const floatw near = min(t0, reach), far = max(t0 - s, -reach);
     if (!ANYW(lit))
-        return 0.0f;
+        return false;
 
     const floatw inv_D = RSQRTW(D2), D = D2 * inv_D;
     const floatw r_near = sqrt(fma(near, near, D2)), r_far = sqrt(fma(far, far, D2));
@@ -208,7 +213,7 @@ static inline floatw along_ray(
     }
     lit &= ends.turn > 0.0f;
     if (!ANYW(lit))
-        return 0.0f;
+        return false;
 
     Stretch a;
     a.stretched = (1.0f + g) * (1.0f + g) / ((1.0f - g) * (1.0f - g));
@@ -223,10 +228,22 @@ static inline floatw along_ray(
     a.half_D = 0.5f * D * lamp.inv_reach;
     a.fade = -2.0f * M_LOG2E_F * extinction * r_max;
     a.fade_t0 = -M_LOG2E_F * extinction * t0;
-    const floatw total = quadrature(a, spot, node_x, node_w, node_pairs);
-    const floatw turn = ends.turn * by_first * by_last;
+    a.spot = spot;
+    a.lit = lit;
+    a.turn = ends.turn * by_first * by_last;
+    a.inv_D = inv_D;
+    *stretch = a;
+    return true;
+}
+
+/* The single-scattering integral along a stretch, all but what is too faint. */
+static inline floatw glow_along(
+    const Stretch a, const float g, const float air_floor,
+    __global const float *restrict node_x, __global const float *restrict node_w, const int node_pairs)
+{
+    const floatw total = quadrature(a, node_x, node_w, node_pairs);
     const float scale = phase_scale(g) / ((1.0f - g) * (1.0f - g) * (1.0f - g));
-    const floatw glow = SELECTW(lit, total * turn * inv_D * scale, 0.0f);
+    const floatw glow = SELECTW(a.lit, total * a.turn * a.inv_D * scale, 0.0f);
     const floatw faint = air_floor / glow; /* 1 at the floor; any number over it where nothing glows */
     const floatw left = fmax(fma(-faint, faint, 1.0f), 0.0f), left2 = left * left;
     return glow * left2 * left2;
@@ -320,6 +337,18 @@ __kernel void fog_tiles(
     }
 }
 
+/* Single scattering of all lamps, a colour each. */
+typedef struct {
+    floatw r, g, b;
+} Glow;
+
+static inline void add(Glow *sum, const floatw glow, const float3 E)
+{
+    sum->r = fma(glow, E.x, sum->r);
+    sum->g = fma(glow, E.y, sum->g);
+    sum->b = fma(glow, E.z, sum->b);
+}
+
 __kernel void fog(
     __global float *restrict rgb,                       /* scene-linear; edited in place */
     __global const float *restrict depth,               /* [m] */
@@ -376,49 +405,50 @@ __kernel void fog(
     if (convention != PAPER)
         s = SELECTW(LOADMASKW(sky + i), extent_m, s);
 
-    const float scattering = alpha * sigma_s;
+    const float scattering = alpha * sigma_s, strength = gamma * scattering;
     const float extinction = alpha * (sigma_s + sigma_a);
     const floatw half_way = exp_negative(-0.5f * extinction * s); /* its square underflows long before what it leaves of 1e5 does */
     const floatw T = half_way * half_way;
     const floatw opacity = one_minus_exp(extinction * s, T);
 
-    floatw r = 0.0f, g_ = 0.0f, b = 0.0f;
+    Glow sum = {0.0f, 0.0f, 0.0f};
+    Stretch found, next;
+    found.light = NONE;
     for (int word = 0; word < words; word++) {
         for (uint bits = reaching[word]; bits; bits &= bits - 1) {
-            const int l = lowest(word, bits), kind = light_kind[l];
-            const float3 E = vload3(l, light_intensity) * (gamma * scattering);
-            floatw glow;
-            if (kind == DIRECTIONAL) {
-                const float3 d = vload3(l, light_direction);
-                const floatw mu = -fma(x, d.x, fma(y, d.y, z * d.z));
-                glow = henyey_greenstein(mu, g);
-                if (convention != PAPER)
-                    glow *= extinction > 0.0f ? opacity / extinction : s;
-            } else {
-                const Lamp a = lamp(l, light_position, light_direction, light_shape);
-                glow = convention == PAPER
-                    ? at_surface(a, x, y, z, s, g)
-                    : along_ray(
-                        a, light_r_max[l], light_air_floor[l], ray, x, y, z, s, extinction, g, node_x, node_w, node_pairs);
+            const int l = lowest(word, bits);
+            const float3 E = vload3(l, light_intensity) * strength;
+            const Lamp source = lamp(l, light_position, light_direction, light_shape);
+            if (light_kind[l] == DIRECTIONAL) {
+                const floatw mu = -fma(x, source.dx, fma(y, source.dy, z * source.dz));
+                const floatw along = extinction > 0.0f ? opacity / extinction : s;
+                add(&sum, henyey_greenstein(mu, g) * (convention == PAPER ? (floatw)(1.0f) : along), E);
+            } else if (convention == PAPER) {
+                add(&sum, at_surface(source, x, y, z, s, g), E);
+            } else if (find_stretch(source, light_r_max[l], ray, x, y, z, s, extinction, g, &next)) {
+                /* A stretch is found step by step, each waiting for the one before: meanwhile nodes of the last one are summed. */
+                if (found.light != NONE)
+                    add(&sum, glow_along(found, g, light_air_floor[found.light], node_x, node_w, node_pairs), found.E);
+                found = next;
+                found.light = l; found.E = E;
             }
-            r = fma(glow, E.x, r);
-            g_ = fma(glow, E.y, g_);
-            b = fma(glow, E.z, b);
         }
     }
+    if (found.light != NONE)
+        add(&sum, glow_along(found, g, light_air_floor[found.light], node_x, node_w, node_pairs), found.E);
 
     const float albedo = convention == PAPER || extinction == 0.0f ? 0.0f : scattering / extinction;
     const floatw keep = fma(T, (floatw)beta, (floatw)(1.0f - beta)); /* 1 - beta opacity, of which a dense fog leaves few digits */
     const floatw air = fma(keep, albedo, beta) * opacity;
     const floatw fade = keep * half_way;
-    STOREW(fma(fade, half_way * LOADW(rgb + i), fma(keep, r, air * color.x)), rgb + i);
-    STOREW(fma(fade, half_way * LOADW(rgb + i + plane), fma(keep, g_, air * color.y)), rgb + i + plane);
-    STOREW(fma(fade, half_way * LOADW(rgb + i + 2 * plane), fma(keep, b, air * color.z)), rgb + i + 2 * plane);
+    STOREW(fma(fade, half_way * LOADW(rgb + i), fma(keep, sum.r, air * color.x)), rgb + i);
+    STOREW(fma(fade, half_way * LOADW(rgb + i + plane), fma(keep, sum.g, air * color.y)), rgb + i + plane);
+    STOREW(fma(fade, half_way * LOADW(rgb + i + 2 * plane), fma(keep, sum.b, air * color.z)), rgb + i + 2 * plane);
 #ifdef LAYERS
     STOREW(T, transmittance + i);
-    STOREW(keep * r, in_scatter + i);
-    STOREW(keep * g_, in_scatter + i + plane);
-    STOREW(keep * b, in_scatter + i + 2 * plane);
+    STOREW(keep * sum.r, in_scatter + i);
+    STOREW(keep * sum.g, in_scatter + i + plane);
+    STOREW(keep * sum.b, in_scatter + i + 2 * plane);
     STOREW(air * color.x, airlight + i);
     STOREW(air * color.y, airlight + i + plane);
     STOREW(air * color.z, airlight + i + 2 * plane);
