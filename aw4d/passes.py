@@ -184,7 +184,7 @@ PASSES: dict[str, Pass] = {
         layers={"ambient": 3, "shadow": 1, "occlusion": 1},
         stages=(Stage(kernel="ambient_solid"), Stage(kernel="ambient_quads"), Stage(kernel="ambient")),
         scratch={
-            "ambient_depth": lambda height, pitch, lights: height * pitch,
+            "ambient_depth": lambda height, pitch, lights: height * (pitch + 2 * TILE),
             "ambient_quad": lambda height, pitch, lights: 4 * (height + 1) * (pitch + 1),
         },
     ),

@@ -2,6 +2,7 @@
 #ifndef ENVIRONMENT_H
 #define ENVIRONMENT_H
 #include "gather.h"
+#include "srgb.h"
 #include "vec.h"
 
 /* Round lobes that stand for the two parts of Schlick's Fresnel term F0 (1 - x) + x: the first three, side by side, for
@@ -130,20 +131,31 @@ typedef struct {
     int elevations;              /* cells of a row; 0: the light depends on more */
 } Surroundings;
 
-/* Cells at `more` of the way down a row of them, in directions of any length but 0. A cell's corners are left, right, lower
- * left and lower right; heights -1 to 1 on the unit sphere go from left to right. */
+/* Cells at `more` of the way down a row of them, at heights -1 to 1 on the unit sphere, which go from left to right. A cell's
+ * corners are left, right, lower left and lower right. */
 static inline floatw zonal(
-    __global const float *restrict cells, const int elevations,
-    const floatw dx, const floatw dy, const floatw dz, const intw row, const floatw more)
+    __global const float *restrict cells, const int elevations, const floatw y, const intw row, const floatw more)
 {
     const float half_row = 0.5f * elevations;
-    const floatw y = dy * rsqrt(fmax(fma(dx, dx, fma(dy, dy, dz * dz)), 1e-18f));
     const floatw x = fma(y, half_row, (floatw)half_row);
     const intw left = clamp(TOINTW(x), (intw)0, (intw)(elevations - 1));
     const floatw f = x - FLOATW(left);
     const Quad c = gather(cells, row * elevations + left);
     const floatw upper = fma(f, c.y - c.x, c.x), lower = fma(f, c.w - c.z, c.z);
     return fma(more, lower - upper, upper);
+}
+
+/* The same by roughness. */
+static inline floatw zonal_light(const Surroundings *s, const floatw y, const floatw roughness)
+{
+    const floatw at = roughness * (float)(s->levels - 1);
+    const intw level = clamp(TOINTW(at), (intw)0, (intw)(s->levels - 2));
+    return zonal(s->zonal, s->elevations, y, level, at - FLOATW(level));
+}
+
+static inline floatw zonal_irradiance(const Surroundings *s, const floatw y)
+{
+    return M_PI_F * zonal(s->zonal, s->elevations, y, (intw)(s->levels - 1), 0.0f);
 }
 
 static inline Quad coloured(const floatw L, __global const float *restrict colour)
@@ -158,19 +170,8 @@ OUT_OF_LINE Quad light_around(
 {
     if (s->elevations == 0)
         return prefiltered(s->specular, s->levels, s->size, dx, dy, dz, roughness);
-    const floatw at = roughness * (float)(s->levels - 1);
-    const intw level = clamp(TOINTW(at), (intw)0, (intw)(s->levels - 2));
-    return coloured(zonal(s->zonal, s->elevations, dx, dy, dz, level, at - FLOATW(level)), s->colour);
-}
-
-/* Irradiance of surfaces that face a direction. */
-OUT_OF_LINE Quad irradiance_on(
-    const Surroundings *s, __global const float *restrict table, const floatw dx, const floatw dy, const floatw dz)
-{
-    if (s->elevations == 0)
-        return bilinear(table, octahedral(dx, dy, dz, s->size));
-    const floatw L = zonal(s->zonal, s->elevations, dx, dy, dz, (intw)(s->levels - 1), 0.0f);
-    return coloured(M_PI_F * L, s->colour);
+    const floatw y = dy / sqrt(max(fma(dx, dx, fma(dy, dy, dz * dz)), 1e-18f));
+    return coloured(zonal_light(s, y, roughness), s->colour);
 }
 
 /* The round lobes of a surface: share, turn and roughness of each. */
@@ -178,10 +179,10 @@ typedef struct {
     Quad of[LOBES];
 } Lobes;
 
-OUT_OF_LINE Lobes lobes(__global const float *restrict table, const Corner c)
+static inline Lobes lobes(__global const float *restrict table, const Corner c)
 {
     int at[W];
-    float right[W], down[W], found[LOBES][4 * W];
+    float right[W], down[W], found[4 * LOBES * W];
     STOREW(c.at, at);
     STOREW(c.fx, right);
     STOREW(c.fy, down);
@@ -189,28 +190,35 @@ OUT_OF_LINE Lobes lobes(__global const float *restrict table, const Corner c)
         __global const float *p = table + 4 * LOBES * at[j], *q = p + 4 * LOBES * c.row;
         const float16 a = vload16(0, p), b = vload16(1, p), d = vload16(0, q), e = vload16(1, q);
         const float16 left = fma((float16)down[j], d - a, a), other = fma((float16)down[j], e - b, b);
-        float v[4 * LOBES];
-        vstore16(fma((float16)right[j], other - left, left), 0, v);
-        for (int k = 0; k < LOBES; k++)
-            vstore4(vload4(k, v), j, found[k]);
+        vstore16(fma((float16)right[j], other - left, left), j, found);
     }
     Lobes out;
-    for (int k = 0; k < LOBES; k++)
-        out.of[k] = transposed(found[k]);
+    #pragma unroll
+    for (int k = 0; k < LOBES; k++) {
+        float four[4 * W];
+        #pragma unroll
+        for (int j = 0; j < W; j++)
+            vstore4(vload4(LOBES * j + k, found), j, four);
+        out.of[k] = transposed(four);
+    }
     return out;
 }
 
-/* Light of the round lobes from..to-1 that stand for a part of Schlick's Fresnel term, by the mirror direction X, Y, Z and
- * the normal in the world; their share in w. */
+/* A surface's mirror direction m and normal n, in the world. */
+typedef struct {
+    floatw mx, my, mz, nx, ny, nz;
+} Mirroring;
+
+/* Light of the round lobes from..to-1 that stand for a part of Schlick's Fresnel term; their share in w. */
 static inline Quad reflection(
-    const Lobes *lobes, const int from, const int to, const Surroundings *around,
-    const floatw X, const floatw Y, const floatw Z, const floatw Nx, const floatw Ny, const floatw Nz)
+    const Lobes *lobes, const int from, const int to, const Surroundings *around, const Mirroring *d)
 {
     Quad out = {0.0f, 0.0f, 0.0f, 0.0f};
     for (int k = from; k < to; k++) {
         const Quad lobe = lobes->of[k];
         const Quad seen = light_around(
-            around, fma(lobe.y, Nx - X, X), fma(lobe.y, Ny - Y, Y), fma(lobe.y, Nz - Z, Z), lobe.z);
+            around, fma(lobe.y, d->nx - d->mx, d->mx), fma(lobe.y, d->ny - d->my, d->my),
+            fma(lobe.y, d->nz - d->mz, d->mz), lobe.z);
         out.x = fma(lobe.x, seen.x, out.x);
         out.y = fma(lobe.x, seen.y, out.y);
         out.z = fma(lobe.x, seen.z, out.z);
@@ -219,10 +227,49 @@ static inline Quad reflection(
     return out;
 }
 
+/* Light by the two parts of Schlick's Fresnel term, with their shares in w, and irradiance. */
+typedef struct {
+    Quad A, B, E;
+} Received;
+
+/* Where the light goes by elevation, of a direction m + t (n - m) but its height and its length count. */
+static inline Received received_by_elevation(const Lobes *lobes, const Surroundings *around, const Mirroring *d)
+{
+    const floatw m2 = fma(d->mx, d->mx, fma(d->my, d->my, d->mz * d->mz));
+    const floatw n2 = fma(d->nx, d->nx, fma(d->ny, d->ny, d->nz * d->nz));
+    const floatw mn = fma(d->mx, d->nx, fma(d->my, d->ny, d->mz * d->nz));
+    floatw light[LOBES];
+    for (int k = 0; k < LOBES; k++) {
+        const Quad lobe = lobes->of[k];
+        const floatw t = lobe.y, rest = 1.0f - t, size2 = fma(t * t, n2, rest * fma(2.0f * t, mn, rest * m2));
+        const floatw y = fma(t, d->ny - d->my, d->my) / sqrt(max(size2, 1e-18f));
+        light[k] = lobe.x * zonal_light(around, y, lobe.z);
+    }
+    Received r;
+    r.A = coloured(light[0] + light[1] + light[2], around->colour);
+    r.A.w = lobes->of[0].x + lobes->of[1].x + lobes->of[2].x;
+    r.B = coloured(light[3], around->colour);
+    r.B.w = lobes->of[3].x;
+    r.E = coloured(zonal_irradiance(around, d->ny / sqrt(max(n2, 1e-18f))), around->colour);
+    return r;
+}
+
+static inline Received received(
+    const Lobes *lobes, const Surroundings *around, __global const float *restrict irradiance, const Mirroring *d)
+{
+    if (around->elevations != 0)
+        return received_by_elevation(lobes, around, d);
+    Received r;
+    r.A = reflection(lobes, 0, LOBES_F0, around, d);
+    r.B = reflection(lobes, LOBES_F0, LOBES, around, d);
+    r.E = bilinear(irradiance, octahedral(d->nx, d->ny, d->nz, around->size));
+    return r;
+}
+
 /* Share of the specular lobe that is not occluded: Lagarde and de Rousiers 2014 above 0, where theirs ends fading out. */
 static inline floatw specular_occlusion(const floatw NoV, const floatw occlusion, const floatw roughness)
 {
-    const floatw open = exp2(exp2(fma(-16.0f, roughness, -1.0f)) * log2(NoV + occlusion)) - 1.0f + occlusion;
+    const floatw open = exp2_normal(exp2_normal(fma(-16.0f, roughness, -1.0f)) * log2_positive(NoV + occlusion)) - 1.0f + occlusion;
     const floatw root = sqrt(fma(open, open, (floatw)(FADING * FADING)));
     const floatw faded = 0.5f * SELECTW(open > 0.0f, open + root, FADING * FADING / (root - open));
     return fmin(faded, fmin(4.0f * occlusion, 1.0f));

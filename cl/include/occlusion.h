@@ -7,35 +7,44 @@
 
 #define FIRST 2          /* [px] the nearest sample */
 #define LEAST_NOV 1e-3f
+#define MARGIN TILE      /* [px] of nothing on both sides of a row of depths */
+#define MOST_SLICES 8
 #define HIDDEN 0.0625f   /* share below which a difference of a cosine from 1 needs digits of its own */
 
 __constant int SLICES[16] = {1, 0, 0, 1, 1, 1, -1, 1, 2, 1, -1, 2, 1, 2, -2, 1};
 
-/* Depth of W pixels from column x on in row y; nothing beyond the picture's borders. */
-static inline floatw solid_row(
-    __global const float *restrict solid, const int x, const int y, const int width, const int height, const int pitch)
-{
-    if (y < 0 || y >= height || x <= -W || x >= width)
-        return NOTHING;
-    if (x >= 0 && x + W <= width)
-        return LOADW(solid + y * pitch + x);
-    float lanes[W];
-    for (int j = 0; j < W; j++)
-        lanes[j] = x + j >= 0 && x + j < width ? solid[y * pitch + x + j] : NOTHING;
-    return LOADW(lanes);
-}
-
-/* Of a slice, in stretches of the pixel's ray, which makes depths of ways along it. */
+/* The picture's depths, and how much of them counts. */
 typedef struct {
-    floatw depth;                /* [m] */
-    floatw across, lean;         /* of a pixel's step at depth 1: its part square to the ray, and the other over it */
-    floatw soft, inv_radius2;    /* added to d^2; [1/m^2] */
+    __global const float *solid;         /* [m] with margins */
+    int width, height, pitch;            /* [px] */
+    float fx, fy;                        /* [px] */
+    float radius_m;
+    int slices, steps;
+} Depths;
+
+/* The surfaces of a vector, lengths in stretches of a pixel's ray, which makes depths of ways along it. */
+typedef struct {
+    floatw depth;                        /* [m] */
+    floatw soft, inv_radius2;            /* added to d^2; [1/m^2] */
+    floatw kx, nx, ny;
+    float ky;
+    floatw stretch, inv_stretch2;        /* of the ray, whose depth is 1 */
+    floatw towards, n_v;                 /* the normal's part to the eye, and the same clamped */
+} Surface;
+
+/* One slice of what surrounds them. */
+typedef struct {
+    int way;                             /* from one depth to the next of a step [px] */
+    int ahead_to, behind_to;             /* [px] the last steps that matter and end in the picture */
+    floatw across, lean;                 /* of a step at depth 1: its part square to the ray, and the other over it */
+    floatw length, sin_g, cos_g;         /* of the normal in the slice, g from the eye's direction */
+    floatw ahead, behind;                /* 1 - cosine to the eye of the horizons */
 } Slice;
 
 /* 1 - cosine to the eye of the horizon over a thing at depth z, `way` aside at depth 1: that of the surface's own plane,
  * flat = 1 + up, drawn to the thing's own. `fine` keeps the digits of what is nearly 0. */
 static inline floatw fall(
-    const Slice *s, const floatw z, const floatw way, const floatw lean, const floatw up, const floatw flat,
+    const Surface *s, const floatw z, const floatw way, const floatw lean, const floatw up, const floatw flat,
     const bool fine)
 {
     const floatw across = way * z, away = fma(across, lean, z - s->depth);
@@ -45,6 +54,31 @@ static inline floatw fall(
         return fma(-weight, fma(-away, 1.0f / sqrt(d2), up), flat);
     const floatw e = across2 / fma(sqrt(d2), fabs(away), d2), q = fmin(d2 * s->inv_radius2, 1.0f);
     return fma(weight, SELECTW(away < 0.0f, e, 2.0f - e), q * (2.0f - q) * flat);
+}
+
+/* The horizons of a slice on both sides. */
+static inline void look(
+    __global const float *here, const Surface *s, Slice *c, const int first, const bool fine)
+{
+    floatw flat = 1.0f + c->sin_g, flat_behind = 1.0f - c->sin_g;
+    if (fine) {
+        const floatw least = c->cos_g * c->cos_g / (1.0f + fabs(c->sin_g));
+        flat = SELECTW(c->sin_g < 0.0f, least, flat);
+        flat_behind = SELECTW(c->sin_g > 0.0f, least, flat_behind);
+    }
+    floatw ahead = flat, behind = flat_behind;
+    const int last = max(c->ahead_to, c->behind_to);
+    for (int step = first; step <= last; step *= 2) {
+        const floatw z = step <= c->ahead_to ? LOADW(here + step * c->way) : (floatw)NOTHING;
+        const floatw z_behind = step <= c->behind_to ? LOADW(here - step * c->way) : (floatw)NOTHING;
+        const floatw way = c->across * (float)step;
+        const floatw a = fall(s, z, way, c->lean, c->sin_g, flat, fine);
+        const floatw b = fall(s, z_behind, way, -c->lean, -c->sin_g, flat_behind, fine);
+        ahead = SELECTW(a < ahead, a, ahead);
+        behind = SELECTW(b < behind, b, behind);
+    }
+    c->ahead = ahead;
+    c->behind = behind;
 }
 
 /* Of the arc from the eye's direction to a horizon of 1 - cosine `fall`, what is weighted by the cosine along the eye's
@@ -87,102 +121,86 @@ static inline float last_step(const floatw depth, const floatw stretch, const fl
     return radius_m * MAXW(stretch) / fmax(MINW(depth) - radius_m, 1e-6f);
 }
 
-/* Share of the surroundings that surfaces see; `fine`: shares of nearly 0, too, to a float's digits. */
-static inline floatw share_seen(
-    __global const float *restrict solid,
-    const floatw nx, const floatw ny, const floatw nz, const floatw depth, const floatw kx, const float ky,
-    const int u0, const int v, const int width, const int height, const int pitch, const float fx, const float fy,
-    const float radius_m, const int slices, const int steps, const bool fine)
+static inline Surface surface_at(
+    const Depths *p, const floatw depth, const floatw kx, const float ky, const floatw nx, const floatw ny, const floatw nz)
 {
-    const int scale = max(1, (int)(fx * (1.0f / 1024) + 0.5f));
-    const floatw stretch2 = fma(kx, kx, fma(ky, ky, 1.0f)), inv_stretch2 = 1.0f / stretch2;
-    const floatw stretch = sqrt(stretch2);
-    const floatw towards = -fma(nx, kx, fma(ny, (floatw)ky, nz)) * stretch * inv_stretch2, n_v = fmax(towards, LEAST_NOV);
-    Slice s;
+    const floatw stretch2 = fma(kx, kx, fma(ky, ky, 1.0f));
+    Surface s;
     s.depth = depth;
-    s.soft = 1e-12f * inv_stretch2;
-    s.inv_radius2 = stretch2 * (1.0f / (radius_m * radius_m));
-    const float last = last_step(depth, stretch, radius_m);
-    floatw seen = 0.0f, open = 0.0f;
-    for (int j = 0; j < slices; j++) {
-        /* The step w beside the ray r is |r x w| / |r| long; of r it has r.w / |r|. */
-        const int du = SLICES[2 * j], dv = SLICES[2 * j + 1];
-        const float wx = du / fx, wy = dv / fy, w2 = fma(wx, wx, wy * wy);
-        const floatw along = fma(kx, wx, ky * wy), turn = fma(kx, wy, -ky * wx);
-        const floatw beside2 = fma(turn, turn, w2), inv_beside = 1.0f / sqrt(beside2);
-        s.across = beside2 * inv_beside * inv_stretch2;
-        s.lean = along * inv_beside;
-        const floatw n_t = fma(fma(nx, wx, ny * wy), stretch, along * towards) * inv_beside;
-        const floatw length2 = fma(n_t, n_t, n_v * n_v), inv_length = 1.0f / sqrt(length2), length = length2 * inv_length;
-        const floatw sin_g = n_t * inv_length, cos_g = n_v * inv_length;
+    s.kx = kx; s.ky = ky;
+    s.nx = nx; s.ny = ny;
+    s.stretch = sqrt(stretch2);
+    s.inv_stretch2 = 1.0f / stretch2;
+    s.soft = 1e-12f * s.inv_stretch2;
+    s.inv_radius2 = stretch2 * (1.0f / (p->radius_m * p->radius_m));
+    s.towards = -fma(nx, kx, fma(ny, (floatw)ky, nz)) * s.stretch * s.inv_stretch2;
+    s.n_v = fmax(s.towards, LEAST_NOV);
+    return s;
+}
 
-        const int farthest = min(scale * FIRST << max(steps - 1, 0), (int)fmin(last / sqrt(w2), 1e6f));
-        const int far_u = farthest * abs(du), far_v = farthest * dv;
-        const bool inside = u0 >= far_u && u0 + W + far_u <= width && v >= far_v && v + far_v < height;
-        __global const float *here = solid + v * pitch + u0;
-        floatw flat = 1.0f + sin_g, flat_behind = 1.0f - sin_g;
-        if (fine) {
-            const floatw least = cos_g * cos_g / (1.0f + fabs(sin_g));
-            flat = SELECTW(sin_g < 0.0f, least, flat);
-            flat_behind = SELECTW(sin_g > 0.0f, least, flat_behind);
-        }
-        floatw ahead = flat, behind = flat_behind;
-        for (int k = 0, step = scale * FIRST; k < steps && step <= farthest; k++, step *= 2) {
-            floatw z, z_behind;
-            if (inside) {
-                z = LOADW(here + step * (dv * pitch + du));
-                z_behind = LOADW(here - step * (dv * pitch + du));
-            } else {
-                z = solid_row(solid, u0 + step * du, v + step * dv, width, height, pitch);
-                z_behind = solid_row(solid, u0 - step * du, v - step * dv, width, height, pitch);
-            }
-            const floatw way = s.across * (float)step;
-            const floatw a = fall(&s, z, way, s.lean, sin_g, flat, fine);
-            const floatw b = fall(&s, z_behind, way, -s.lean, -sin_g, flat_behind, fine);
-            ahead = SELECTW(a < ahead, a, ahead);
-            behind = SELECTW(b < behind, b, behind);
-        }
-        floatw one, other;
-        const floatw along_eye = arc(ahead, &one) + arc(behind, &other);
-        seen = fma(length, fma(cos_g, along_eye, sin_g * (one - other)), seen);
-        open = fma(length, unhidden(cos_g), open);
+/* Steps of so many pixels, at most 2, for which there is room. */
+static inline int room_for(const int by, const int room)
+{
+    return by == 0 ? INT_MAX : by == 1 ? room : room / 2;
+}
+
+/* Of the step w beside the ray r, |r x w| / |r| lies square to it and r.w / |r| along it. */
+static inline Slice slice(
+    const Depths *p, const Surface *s, const int j, const int u0, const int v, const float last, const int most)
+{
+    const int du = SLICES[2 * j], dv = SLICES[2 * j + 1], right = p->width - 1 - u0, left = u0 + W - 1;
+    const float wx = du / p->fx, wy = dv / p->fy, w2 = fma(wx, wx, wy * wy);
+    const int matter = min(most, (int)fmin(last / sqrt(w2), 1e6f));
+    Slice c;
+    c.way = dv * (p->pitch + 2 * MARGIN) + du;
+    c.ahead_to = min(min(matter, room_for(dv, p->height - 1 - v)), room_for(abs(du), du > 0 ? right : left));
+    c.behind_to = min(min(matter, room_for(dv, v)), room_for(abs(du), du > 0 ? left : right));
+    const floatw along = fma(s->kx, wx, s->ky * wy), turn = fma(s->kx, wy, -s->ky * wx);
+    const floatw beside2 = fma(turn, turn, w2), inv_beside = 1.0f / sqrt(beside2);
+    c.across = beside2 * inv_beside * s->inv_stretch2;
+    c.lean = along * inv_beside;
+    const floatw n_t = fma(fma(s->nx, wx, s->ny * wy), s->stretch, along * s->towards) * inv_beside;
+    const floatw length2 = fma(n_t, n_t, s->n_v * s->n_v), inv_length = 1.0f / sqrt(length2);
+    c.length = length2 * inv_length;
+    c.sin_g = n_t * inv_length;
+    c.cos_g = s->n_v * inv_length;
+    return c;
+}
+
+/* Share of the surroundings that surfaces see; `fine`: shares of nearly 0, too, to a float's digits. One after the other, a
+ * slice's roots and quotients would wait for those of the slice before. */
+OUT_OF_LINE floatw share_seen(const Depths *p, const Surface *s, const int u0, const int v, const int fine)
+{
+    Slice of[MOST_SLICES];
+    const float last = last_step(s->depth, s->stretch, p->radius_m);
+    const int first = FIRST * max(1, (int)(p->fx * (1.0f / 1024) + 0.5f)), most = p->steps > 0 ? first << (p->steps - 1) : 0;
+    __global const float *here = p->solid + v * (p->pitch + 2 * MARGIN) + MARGIN + u0;
+    for (int j = 0; j < p->slices; j++)
+        of[j] = slice(p, s, j, u0, v, last, most);
+    for (int j = 0; j < p->slices; j++)
+        if (fine)
+            look(here, s, of + j, first, true);
+        else
+            look(here, s, of + j, first, false);
+    floatw seen = 0.0f, open = 0.0f;
+    for (int j = 0; j < p->slices; j++) {
+        const Slice *c = of + j;
+        floatw ahead, behind;
+        const floatw to_eye = arc(c->ahead, &ahead) + arc(c->behind, &behind);
+        seen = fma(c->length, fma(c->cos_g, to_eye, c->sin_g * (ahead - behind)), seen);
+        open = fma(c->length, unhidden(c->cos_g), open);
     }
     return clamp(seen / open, 0.0f, 1.0f);
 }
 
-OUT_OF_LINE floatw roughly(
-    __global const float *restrict solid,
-    const floatw nx, const floatw ny, const floatw nz, const floatw depth, const floatw kx, const float ky,
-    const int u0, const int v, const int width, const int height, const int pitch, const float fx, const float fy,
-    const float radius_m, const int slices, const int steps)
-{
-    return share_seen(
-        solid, nx, ny, nz, depth, kx, ky, u0, v, width, height, pitch, fx, fy, radius_m, slices, steps, false);
-}
-
-OUT_OF_LINE floatw finely(
-    __global const float *restrict solid,
-    const floatw nx, const floatw ny, const floatw nz, const floatw depth, const floatw kx, const float ky,
-    const int u0, const int v, const int width, const int height, const int pitch, const float fx, const float fy,
-    const float radius_m, const int slices, const int steps)
-{
-    return share_seen(
-        solid, nx, ny, nz, depth, kx, ky, u0, v, width, height, pitch, fx, fy, radius_m, slices, steps, true);
-}
-
-/* Share of the surroundings that surfaces see. */
+/* Share of the surroundings that surfaces see, in those lanes that have one. */
 static inline floatw ambient_occlusion(
-    __global const float *restrict solid, const intw surface,
-    const floatw nx, const floatw ny, const floatw nz, const floatw depth, const floatw kx, const float ky,
-    const int u0, const int v, const int width, const int height, const int pitch, const float fx, const float fy,
-    const float radius_m, const int slices, const int steps)
+    const Depths *p, const intw on, const floatw depth, const floatw kx, const float ky,
+    const floatw nx, const floatw ny, const floatw nz, const int u0, const int v)
 {
-    const floatw share = roughly(
-        solid, nx, ny, nz, depth, kx, ky, u0, v, width, height, pitch, fx, fy, radius_m, slices, steps);
+    const Surface s = surface_at(p, depth, kx, ky, nx, ny, nz);
+    const floatw share = share_seen(p, &s, u0, v, 0);
     const intw hidden = share < HIDDEN;
-    if (!ANYW(surface & hidden))
-        return share;
-    return SELECTW(hidden, finely(
-        solid, nx, ny, nz, depth, kx, ky, u0, v, width, height, pitch, fx, fy, radius_m, slices, steps), share);
+    return ANYW(on & hidden) ? SELECTW(hidden, share_seen(p, &s, u0, v, 1), share) : share;
 }
 #endif
