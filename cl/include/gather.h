@@ -17,7 +17,7 @@ typedef struct {
 
 #if W == 1
 #define TOINTW(x) convert_int(x)
-IN_LINE Quad transposed(const float *restrict four)
+INLINE Quad transposed(const float *restrict four)
 {
     const Quad out = {four[0], four[1], four[2], four[3]};
     return out;
@@ -32,7 +32,7 @@ static inline void by_lanes(const Quad q, float *restrict four)
 /* Four values of each lane, lane after lane, turned into four vectors. The arrays never leave the registers; vectors put
  * together from shorter ones compile to the same, but make Oclgrind 21.10 crash when it looks for values that were never
  * set; and it takes the last of 16 for unset in a swizzle, so the fourths are named one by one. */
-IN_LINE Quad transposed(const float *restrict four)
+INLINE Quad transposed(const float *restrict four)
 {
     float x[W], y[W], z[W], w[W];
     #pragma unroll

@@ -122,6 +122,3 @@ static inline floatw rsqrt_by_steps(const floatw x)
 #else
 #define OUT_OF_LINE __attribute__((noinline)) static
 #endif
-
-/* For what PoCL would call otherwise, though its vectors go through memory then. */
-#define IN_LINE __attribute__((always_inline)) static inline
