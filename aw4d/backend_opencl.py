@@ -322,7 +322,7 @@ class OpenCLBackend:
         """The kernels of a pass in order."""
         wanted = [stage.kernel for stage in stages(name)]
         try:
-            return build(self._context, self.report, source(name), self._options(layers), wanted)
+            return build(self._cl, self._context, self.report, source(name), self._options(layers), wanted)
         except self._cl.Error as error:
             reason = opencl.first_error(error)
             raise InputError(f"{self.report.label}: the kernel {name} cannot be built ({reason})") from error

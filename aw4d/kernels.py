@@ -5,14 +5,39 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from aw4d import cache, opencl
+from aw4d import cache
 
 KIND = "kernels"  # of the cache's files
+
+
+class Target(Protocol):
+    """What is known of a device and its driver."""
+
+    @property
+    def platform(self) -> str:
+        """The driver's platform."""
+
+    @property
+    def name(self) -> str:
+        """The device's name."""
+
+    @property
+    def kind(self) -> str:
+        """`cpu`, `gpu` or `accelerator`."""
+
+    @property
+    def version(self) -> str:
+        """The driver's version."""
+
+    @property
+    def device(self) -> Any:
+        """The device itself."""
 
 
 class Kernel:
@@ -49,7 +74,7 @@ def _converted(name: str, kind: str, value: Any) -> Any:
 
 
 def build(
-    context: Any, report: opencl.DeviceReport, text: str, options: Sequence[str], names: Sequence[str]
+    cl: ModuleType, context: Any, target: Target, text: str, options: Sequence[str], names: Sequence[str]
 ) -> list[Kernel]:
     """Kernels of a program, from the cache where this device's driver has built the same before.
 
@@ -58,8 +83,8 @@ def build(
 
     Parameters
     ----------
-    context, report
-        Context of one device, and what is known of it.
+    cl, context, target
+        pyopencl, context of one device, and what is known of it.
     text, options
         Source of the program, and how it is built; `-cl-kernel-arg-info` among it.
     names
@@ -70,17 +95,16 @@ def build(
     pyopencl.Error
         The program cannot be built.
     """
-    cl = opencl.load()
-    keeps = not (report.kind == "cpu" and "intel" in report.platform.lower())
-    key = (report.platform, report.name, report.version, cpu(), text, list(options))
+    keeps = not (target.kind == "cpu" and "intel" in target.platform.lower())
+    key = (target.platform, target.name, target.version, cpu(), text, list(options))
     if not keeps and (held := cache.read(KIND, key)) is not None:
         with contextlib.suppress(cl.Error, KeyError):  # else a binary that the runtime refuses: it is built anew
-            program = cl.Program(context, [report.device], [held[_BINARY].tobytes()])
+            program = cl.Program(context, [target.device], [held[_BINARY].tobytes()])
             program.build(list(options), cache_dir=False)
             return [Kernel(cl, cl.Kernel(program, name), dict(held[name].tolist())) for name in names]
     program = cl.Program(context, text).build(list(options), cache_dir=False)
     kernels = [cl.Kernel(program, name) for name in names]
-    types = [_types(kernel) for kernel in kernels]
+    types = [_types(cl.kernel_arg_info, kernel) for kernel in kernels]
     if not keeps:
         binary = np.frombuffer(program.get_info(cl.program_info.BINARIES)[0], np.uint8)
         cache.write(KIND, key, {_BINARY: binary} | {name: _rows(of) for name, of in zip(names, types, strict=True)})
@@ -99,9 +123,8 @@ def cpu() -> str:
     return ""
 
 
-def _types(kernel: Any) -> dict[str, str]:
+def _types(info: Any, kernel: Any) -> dict[str, str]:
     """Types of a kernel's arguments by name, in order."""
-    info = opencl.load().kernel_arg_info
     return {
         kernel.get_arg_info(i, info.NAME): kernel.get_arg_info(i, info.TYPE_NAME).replace(" ", "")
         for i in range(kernel.num_args)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from aw4d.errors import InputError
+from aw4d.kernels import build
 
 log = logging.getLogger("aw4d")
 WIDTHS = (1, 4, 8, 16)
@@ -130,13 +131,13 @@ def _probe(report: DeviceReport) -> str:
     try:
         context = report.context
         queue = cl.CommandQueue(context)
-        kernel = cl.Kernel(cl.Program(context, _PROBE).build(cache_dir=False), "probe")
+        (kernel,) = build(cl, context, report, _PROBE, ["-cl-kernel-arg-info"], ["probe"])
         a = np.linspace(0, 4, 64, dtype=np.float32)
         out = np.empty_like(a)
         flags = cl.mem_flags
         a_buffer = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=a)
         out_buffer = cl.Buffer(context, flags.WRITE_ONLY, out.nbytes)
-        kernel(queue, a.shape, None, a_buffer, out_buffer, np.float32(3))
+        kernel.enqueue(queue, (a.size, 1), None, {"a": a_buffer, "out": out_buffer, "k": 3.0})
         cl.enqueue_copy(queue, out, out_buffer)
         expected = a.astype(np.float64) * 3 + np.exp(-a.astype(np.float64))
     except Exception as error:  # drivers fail in their own ways; each is a reason to refuse the device
