@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
+import weakref
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -182,11 +184,13 @@ class OpenCLBackend:
         return held
 
     def _new_buffer(self, nbytes: int) -> Any:
-        """A buffer; a CPU's in large pages."""
+        """A buffer; a CPU's in large pages, which go with it, but not before the work that may need them is done."""
         flags = self._cl.mem_flags
-        if self.report.kind == "cpu":
-            return self._cl.Buffer(self._context, flags.READ_WRITE | flags.USE_HOST_PTR, hostbuf=in_large_pages(nbytes))
-        return self._cl.Buffer(self._context, flags.READ_WRITE, nbytes)
+        if self.report.kind != "cpu":
+            return self._cl.Buffer(self._context, flags.READ_WRITE, nbytes)
+        memory = in_large_pages(nbytes)
+        weakref.finalize(memory, _done, self._queue, self._uploads)
+        return self._cl.Buffer(self._context, flags.READ_WRITE | flags.USE_HOST_PTR, hostbuf=memory)
 
     def _held(self) -> float:
         """Memory that the buffers take [MB]."""
@@ -451,6 +455,13 @@ class OpenCLBackend:
             copied.wait()
             out[name] = by_pixels(padded[:, :, :width])
         return out
+
+
+def _done(*queues: Any) -> None:
+    """Wait until nothing that was asked for is left to do; a device that was lost does nothing more."""
+    for queue in queues:
+        with contextlib.suppress(opencl.load().Error):
+            queue.finish()
 
 
 def _cores() -> int:

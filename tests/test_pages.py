@@ -1,5 +1,8 @@
 """Memory for planes in large pages."""
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -7,6 +10,7 @@ from aw4d import pages
 from aw4d.backend_opencl import OpenCLBackend
 from aw4d.bench.against import scenes
 from aw4d.bench.frames import street_frame
+from aw4d.opencl import devices
 
 
 @pytest.mark.parametrize("nbytes", [1, 64, 4097, 3 * pages.LARGE + 1])
@@ -27,6 +31,27 @@ def test_blocks_one_after_the_other_begin_at_different_sets_of_a_cache() -> None
 def test_more_than_there_is_is_told() -> None:
     with pytest.raises(OSError, match="memory"):
         pages.in_large_pages(1 << 60)
+
+
+@pytest.mark.parametrize("index", [0, 1])
+def test_work_is_done_before_its_planes_go(index: int) -> None:
+    """In a process of its own: one that is wrong ends by a signal."""
+    code = f"""
+from aw4d.backend_opencl import OpenCLBackend
+from aw4d.bench.against import PARAMS, scenes
+from aw4d.bench.frames import street_frame
+frame = street_frame(1280, 704)
+for _ in range(3):
+    backend = OpenCLBackend({index})
+    planes = backend.upload(frame, scenes(frame)["everywhere"])
+    for _ in range(9):
+        backend.run("fog", planes, PARAMS["fog"])
+    del backend, planes
+"""
+    if index >= len(devices()):
+        pytest.skip("there is one device")
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_what_is_kept_of_a_plane_is_the_frame_not_the_room_of_a_larger_one() -> None:
