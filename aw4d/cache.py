@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from eval.cache import user_folder
+from eval.folders import user_folder
 
 log = logging.getLogger("aw4d")
 Arrays = dict[str, NDArray[Any]]

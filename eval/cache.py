@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -11,13 +10,9 @@ from typing import Any
 
 from eval import features, hashes
 from eval.errors import MetricError
+from eval.folders import user_folder
 
 FORMAT = 1  # raised when the same key would mean other arrays
-
-
-def user_folder() -> Path:
-    """Where caches of this user live: `autoweather4d` in $XDG_CACHE_HOME, or in ~/.cache."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "autoweather4d"
 
 
 @dataclass(frozen=True, kw_only=True)
