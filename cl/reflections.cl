@@ -20,6 +20,7 @@
 #define GROUND_M 0.03f
 #define GROUND_SLOPE 0.01f
 #define SLACK 1e-3f      /* [1] far more than rounding */
+#define NEXT (2 * W)     /* [px] from what a work-item reads to what the next one in the row adds to it, a cache line or less */
 #define NOTHING 1e6f     /* [m] depth of the sky */
 
 /* What stays the same on the whole walk. */
@@ -202,16 +203,19 @@ __kernel void reflections_pixels(
         const intw solid = z < NOTHING;
         write_row(reflection_pixels + to, z, last);
         sum[0][3] += SELECTW(solid, 1.0f, 0.0f);
+        #pragma unroll
         for (int c = 0; c < 3; c++) {
             const floatw L = LOADW(rgb + i + c * plane);
             write_row(reflection_pixels + to + (c + 1) * apart, L, last);
             sum[0][c] += SELECTW(solid, fmax(L - LOADW(emissive + i + c * plane), 0.0f), 0.0f);
         }
         /* with the last row of a block; blocks end where smaller ones do */
+        #pragma unroll
         for (int block = 0; block < BLOCKS && (v == end - 1 || (v + 1) % BLOCK_ROWS[block] == 0); block++) {
             const int rows = BLOCK_ROWS[block];
             const float inv = 1.0f / (v % rows + 1);
             __global float *restrict mean = reflection_means + first_mean(block, height, row) + v / rows * row + u0;
+            #pragma unroll
             for (int c = 0; c < 4; c++) {
                 write_row(mean + c * blocks_of(rows, height) * row, sum[block][c] * inv, last);
                 sum[block + 1][c] += sum[block][c];
@@ -347,7 +351,9 @@ INLINE int things(
 #pragma OPENCL FP_CONTRACT OFF
     floatw beside;
     const Place at = columns_at(k, m, asked, rows, &beside);
-    const Pair z = pick(k->pixels + (k->v - rows) * k->row, &at);
+    __global const float *depths = k->pixels + (k->v - rows) * k->row;
+    FETCH_AT(depths + at.first + NEXT);
+    const Pair z = pick(depths, &at);
     const floatw columns = FLOATW(at.off) + (float)(at.first - k->u);
     const Sharp over = slope(&m->over, columns, (float)rows), above = slope(&m->above, columns, (float)rows);
     const Sharp over_r = next_slope(&m->over, over);
@@ -391,13 +397,17 @@ INLINE int things(
     return 1;
 }
 
+INLINE Pair light(__global const float *p, const Things *f)
+{
+    FETCH_AT(p + f->at.first + NEXT);
+    return pick(p, &f->at);
+}
+
 /* The light of two pixels by their shares. */
 INLINE void add_own(Sums *s, const Walk *k, const Things *f, const floatw left, const floatw right)
 {
-    __global const float *restrict p = k->pixels + (k->v - f->row) * k->row + k->apart;
-    const Pair r = pick(p, &f->at);
-    const Pair g = pick(p + k->apart, &f->at);
-    const Pair b = pick(p + 2 * k->apart, &f->at);
+    __global const float *p = k->pixels + (k->v - f->row) * k->row + k->apart;
+    const Pair r = light(p, f), g = light(p + k->apart, f), b = light(p + 2 * k->apart, f);
     s->r = fma(left, r.left, fma(right, r.right, s->r));
     s->g = fma(left, g.left, fma(right, g.right, s->g));
     s->b = fma(left, b.left, fma(right, b.right, s->b));
@@ -544,33 +554,31 @@ OUT_OF_LINE Sums walk(const Walk *k, const Mirrored *m, const int steps)
 }
 
 /* The lobes that stand for the reflection's as one: shares A and B of the parts of Schlick's Fresnel term, and turn and
- * roughness in the mean. A texel's lobes lie side by side, so that lanes are looked up one by one. */
+ * roughness in the mean. A texel's lobes lie side by side, so that lanes are looked up one by one, and then turned. */
 INLINE void mean_lobe(
     __global const float *restrict env_brdf, const Corner at, const floatw F0,
     floatw *A, floatw *B, floatw *turn, floatw *roughness)
 {
     int texel[W];
-    float right[W], lower[W], grey[W], found[4][W];
+    float right[W], lower[W], shares[4 * W], turns[4 * W], widths[4 * W];
     STOREW(at.at, texel);
     STOREW(at.fx, right);
     STOREW(at.fy, lower);
-    STOREW(F0, grey);
     for (int j = 0; j < W; j++) {
         __global const float *restrict p = env_brdf + texel[j] * 4 * LOBES, *restrict q = p + at.row * 4 * LOBES;
         const float16 a = vload16(0, p), b = vload16(1, p), c = vload16(0, q), d = vload16(1, q);
         const float16 top = fma((float16)right[j], b - a, a), low = fma((float16)right[j], d - c, c);
         const float16 lobe = fma((float16)lower[j], low - top, top);
-        const float4 share = lobe.s048c, weight = share * (float4)(grey[j], grey[j], grey[j], 1.0f);
-        found[0][j] = share.s0 + share.s1 + share.s2;
-        found[1][j] = share.s3;
-        found[2][j] = dot(weight, lobe.s159d);
-        found[3][j] = dot(weight, lobe.s26ae);
+        vstore4(lobe.s048c, j, shares);
+        vstore4(lobe.s159d, j, turns);
+        vstore4(lobe.s26ae, j, widths);
     }
-    *A = LOADW(found[0]);
-    *B = LOADW(found[1]);
+    const Quad share = transposed(shares), t = transposed(turns), w = transposed(widths);
+    *A = share.x + share.y + share.z;
+    *B = share.w;
     const floatw inv = 1.0f / fma(F0, *A, *B);
-    *turn = LOADW(found[2]) * inv;
-    *roughness = LOADW(found[3]) * inv;
+    *turn = fma(F0, fma(share.x, t.x, fma(share.y, t.y, share.z * t.z)), share.w * t.w) * inv;
+    *roughness = fma(F0, fma(share.x, w.x, fma(share.y, w.y, share.z * w.z)), share.w * w.w) * inv;
 }
 
 /* What the kernel is given; its body is out of line. */
@@ -622,9 +630,15 @@ OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
     STOREW((floatw)0.0f, f->reflection + i + f->plane);
     STOREW((floatw)0.0f, f->reflection + i + 2 * f->plane);
 #endif
+    FETCH(f->puddle + i);
+    FETCH(f->wetness + i);
     const floatw wet = ramp(fmax(LOADW(f->puddle + i), LOADW(f->wetness + i)) * (1.0f / WET));
     if (!ANYW(wet > 0.0f))
         return;
+    FETCH(f->roughness + i);
+    FETCH(f->sky + i);
+    FETCH(f->depth + i);
+    FETCH3(f->normal + i, f->plane);
     const floatw rough = LOADW(f->roughness + i);
     const floatw n0 = LOADW(f->normal + i), n1 = LOADW(f->normal + i + f->plane), n2 = LOADW(f->normal + i + 2 * f->plane);
     const floatw nn = fma(n0, n0, fma(n1, n1, n2 * n2));
@@ -664,6 +678,10 @@ OUT_OF_LINE void mirror(const Frame *f, const int u0, const int v)
         return;
 #endif
 
+    FETCH(f->metallic + i);
+    FETCH(f->occlusion + i);
+    FETCH3(f->albedo + i, f->plane);
+    FETCH3_TO_CHANGE(f->rgb + i, f->plane);
     const floatw cr = clamp(LOADW(f->albedo + i), 0.0f, 1.0f);
     const floatw cg = clamp(LOADW(f->albedo + i + f->plane), 0.0f, 1.0f);
     const floatw cb = clamp(LOADW(f->albedo + i + 2 * f->plane), 0.0f, 1.0f);

@@ -96,14 +96,15 @@ static inline floatw rsqrt_by_steps(const floatw x)
 #define AHEAD 512 /* a multiple of TILE */
 #if W > 1 && defined(__has_builtin) && !defined(NO_FETCH)
 #if __has_builtin(__builtin_prefetch)
-#define FETCH(p) __builtin_prefetch((const void *)(uintptr_t)((p) + AHEAD))
+#define FETCH_AT(p) __builtin_prefetch((const void *)(uintptr_t)(p))
 #define FETCH_TO_CHANGE(p) __builtin_prefetch((const void *)(uintptr_t)((p) + AHEAD), 1)
 #endif
 #endif
-#ifndef FETCH
-#define FETCH(p)
+#ifndef FETCH_AT
+#define FETCH_AT(p)
 #define FETCH_TO_CHANGE(p)
 #endif
+#define FETCH(p) FETCH_AT((p) + AHEAD)
 #define FETCH3(p, plane) do { FETCH(p); FETCH((p) + plane); FETCH((p) + 2 * plane); } while (0)
 #define FETCH3_TO_CHANGE(p, plane) \
     do { FETCH_TO_CHANGE(p); FETCH_TO_CHANGE((p) + plane); FETCH_TO_CHANGE((p) + 2 * plane); } while (0)
