@@ -23,7 +23,7 @@ from aw4d.weathers import GROUPS, ORDER, WEATHERS, find
 ROOT = Path(__file__).resolve().parent.parent
 # Pieces that kernels share; each mirrors the reference of the same stem, but for those that stand in for what
 # NumPy has built in.
-HEADERS_OF_THE_LANGUAGE = {"vec", "trig", "exp", "gather", "sharp", "sort", "tiles", "bundle"}
+HEADERS_OF_THE_LANGUAGE = {"vec", "trig", "exp", "gather", "sharp", "sort", "tiles", "bundle", "columns"}
 
 
 @pytest.fixture(params=PASSES)
