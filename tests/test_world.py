@@ -42,7 +42,7 @@ __kernel void look(__global const float *depth, const float fx, const float fy, 
     STOREW(cells_of(at.z, block[2], cells, &w), row + i);
     STOREW(u, into + i);
     STOREW(w, across + i);
-    const Sharp noise = fbm(at, block, 16, weight, 3, 5);
+    const Sharp noise = fbm(at, block, 16, weight, 3, 5, (floatw)(-1.0f));
     STOREW(noise.hi, noise_hi + i);
     STOREW(noise.lo, noise_lo + i);
 }
