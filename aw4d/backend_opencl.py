@@ -24,7 +24,7 @@ from aw4d.errors import InputError, JobError
 from aw4d.gbuffer import GBuffer
 from aw4d.kernels import Kernel, build, cpu
 from aw4d.lights.light import balls, shapes
-from aw4d.pages import in_large_pages
+from aw4d.pages import LARGE, in_large_pages
 from aw4d.params import CONVENTIONS, Params
 from aw4d.passes import (
     BAND,
@@ -184,9 +184,9 @@ class OpenCLBackend:
         return held
 
     def _new_buffer(self, nbytes: int) -> Any:
-        """A buffer; a CPU's in large pages, which go with it, but not before the work that may need them is done."""
+        """A buffer; a CPU's in large pages, if it fills one; they go with it, but not before the work on it is done."""
         flags = self._cl.mem_flags
-        if self.report.kind != "cpu":
+        if self.report.kind != "cpu" or nbytes < LARGE:
             return self._cl.Buffer(self._context, flags.READ_WRITE, nbytes)
         memory = in_large_pages(nbytes)
         weakref.finalize(memory, _done, self._queue, self._uploads)

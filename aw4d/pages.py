@@ -26,8 +26,9 @@ def in_large_pages(nbytes: int) -> NDArray[np.uint8]:
     """
     later = next(_taken) % STEPS * STEP
     held = mmap.mmap(-1, nbytes + LINE + LARGE + later)
-    with contextlib.suppress(AttributeError, OSError):  # a system without them
-        held.madvise(mmap.MADV_HUGEPAGE)
     memory = np.frombuffer(held, np.uint8)
-    start = -memory.ctypes.data % LARGE + later
-    return memory[start : start + -(-nbytes // LINE) * LINE]
+    start = -memory.ctypes.data % LARGE
+    with contextlib.suppress(AttributeError, OSError):  # a system without them
+        # Whole ones alone: one that is begun would be filled up some seconds later, and be memory in use.
+        held.madvise(mmap.MADV_HUGEPAGE, start, (later + nbytes) // LARGE * LARGE)
+    return memory[start + later : start + later + -(-nbytes // LINE) * LINE]

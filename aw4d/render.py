@@ -104,7 +104,8 @@ def frames_of(
     _make_ready(backend, clip, made, wanted)
     made = with_clip_exposure(clip, made, backend)
     pictures = ["rgb"] * linear + [IMAGE]
-    for index, source, out in _rendered(clip, made, backend, chosen, read, wanted, pictures):
+    kept = read if EACH_LIGHT in layers else labels
+    for index, source, out in _rendered(clip, made, backend, chosen, read, kept, wanted, pictures):
         image, rgb = out.pop(IMAGE), out.pop("rgb", None)
         if EACH_LIGHT in layers:
             out |= each_light(backend, source, made, index)
@@ -132,12 +133,13 @@ def _rendered(
     backend: Backend,
     chosen: Sequence[int],
     read: Sequence[str],
+    kept: Sequence[str],
     wanted: Sequence[str],
     pictures: Sequence[str],
 ) -> Iterator[tuple[int, GBuffer, dict[str, NDArray[Any]]]]:
-    """Number, planes and results of every frame. A frame is begun before the one before it is waited for."""
+    """Number, the planes to be kept, and results of every frame. A frame is begun before the last one is waited for."""
     begun: deque[tuple[int, GBuffer, Callable[[], dict[str, NDArray[Any]]]]] = deque()
-    read_ahead = mapped_ahead(partial(_read, clip, made, read), chosen)
+    read_ahead = mapped_ahead(partial(_read, clip, made, read, kept), chosen)
     for index, (source, frame, scene) in zip(chosen, read_ahead, strict=True):
         begun.append((index, source, begin(backend, frame, scene, made, wanted, pictures)))
         if len(begun) > 1:
@@ -147,10 +149,12 @@ def _rendered(
         yield index, source, wait()
 
 
-def _read(clip: Clip, made: Plan, planes: Sequence[str], index: int) -> tuple[GBuffer, GBuffer, Scene]:
-    """A frame of the clip, and what a backend takes of it."""
+def _read(
+    clip: Clip, made: Plan, planes: Sequence[str], kept: Sequence[str], index: int
+) -> tuple[GBuffer, GBuffer, Scene]:
+    """A frame of the clip with the planes to be kept, and what a backend takes of it."""
     source = clip.frame(index, planes)
-    return source, *inputs(source, made, index)
+    return source.only(kept), *inputs(source, made, index)
 
 
 def with_clip_exposure(clip: Clip, made: Plan, backend: Backend) -> Plan:
