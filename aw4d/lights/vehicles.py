@@ -336,7 +336,9 @@ def at_faces(
             face = face if lens is None else face + lens.weight * lens.offset
         move = camera.camera_to_world[:3, :3] @ (seen * (face * (place[2] / face[2]) - place))
         moved[lamp.name] = _vector(lamp.position + move)
-    return [dataclasses.replace(one, position=moved.get(one.name, one.position)) for one in lights]
+    return [
+        dataclasses.replace(light, position=moved[light.name]) if light.name in moved else light for light in lights
+    ]
 
 
 def _face(lamp: _Lamp, params: VehicleLightParams, white_cd_m2: float) -> RGB:
